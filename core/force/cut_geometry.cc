@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -29,23 +31,24 @@ Vec2 blade_end(const Bucket& bucket) {
 /// Where the load lies: the centroid of the lowest part of the body with an area. @param up
 /// world's, in the profile's plane
 Vec2 load_centre(const std::vector<Vec2>& profile, const Vec2& up, double area_m2) {
-  std::vector<Vec2> part;
   const auto below = [&](double level) {
     double area = 0;
-    Vec2 moment = Vec2::Zero();
-    part.clear();
+    Vec2 moment = Vec2::Zero(), last = moment;
+    std::optional<Vec2> first;
+    const auto add = [&](const Vec2& point) {
+      if (!first) first = last = point;
+      const double twice = last.x() * point.y() - last.y() * point.x();
+      area += twice / 2;
+      moment += twice / 6 * (last + point);
+      last = point;
+    };
     for (std::size_t i = 0; i < profile.size(); ++i) {
       const Vec2 &a = profile[i], &b = profile[(i + 1) % profile.size()];
       const double ha = a.dot(up) - level, hb = b.dot(up) - level;
-      if (ha <= 0) part.push_back(a);
-      if ((ha < 0) != (hb < 0) && ha != hb) part.push_back(a + ha / (ha - hb) * (b - a));
+      if (ha <= 0) add(a);
+      if ((ha < 0) != (hb < 0) && ha != hb) add(a + ha / (ha - hb) * (b - a));
     }
-    for (std::size_t i = 0; i < part.size(); ++i) {
-      const Vec2 &a = part[i], &b = part[(i + 1) % part.size()];
-      const double twice = a.x() * b.y() - a.y() * b.x();
-      area += twice / 2;
-      moment += twice / 6 * (a + b);
-    }
+    if (first) add(*first);
     return std::pair(std::abs(area), area != 0 ? Vec2(moment / area) : moment);
   };
   double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -62,158 +65,146 @@ Vec2 load_centre(const std::vector<Vec2>& profile, const Vec2& up, double area_m
   return below(high).second;
 }
 
-/// A direction of the bucket in the slice: its part along the lip is taken off along the lip.
-struct SliceAxes {
-  Vec3 ahead, left, lip;
-
-  Vec2 operator()(const Vec3& d) const {
-    const Vec3 in_slice = d - d.dot(left) / lip.dot(left) * lip;
-    return {in_slice.dot(ahead), in_slice.z()};
-  }
-};
+/// How much of its force an edge or a face has, by the sine of the angle with its way.
+double share_of_force(double sine) { return std::clamp(sine / kFullPress, 0.0, 1.0); }
 
 }  // namespace
 
-CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& bucket,
-                         const Pose& world_from_bucket, const Vec3& way, double load_m3)
-    : pose_(world_from_bucket),
-      width_m_(bucket.width_m),
-      edge_m_(bucket.edge_m),
-      plate_m_(bucket.plate_m) {
-  if (bucket.shape)
-    throw std::invalid_argument("a closed tool has no blade; only a bucket's resistance is known");
-  const Eigen::Matrix3d axes = pose_.rotation.toRotationMatrix();
-  const double h = step_m_ = ground.voxel_size_m();
+/// One look at the ground around a bucket, step by step. Places are from the middle of the lip with
+/// the world's axes; in a slice, x is ahead and y is up.
+struct CutGeometry::Look {
+  CutGeometry& of;
+  HeightMap& map;
+  const Ground& ground;
+  const Bucket& bucket;
+  const double h = ground.voxel_size_m();
+  const Eigen::Matrix3d axes = of.pose_.rotation.toRotationMatrix();
   const Vec3 lip = axes.col(1);
-  const Vec2 flat = lip.head<2>();
-  // The load.
-  load_m3_ = load_m3;
-  load_at_ = axes.col(2) * (bucket.height_m / 2);
-  if (!bucket.profile.empty() && load_m3 > 0) {
-    const Vec2 centre = load_centre(bucket.profile, {axes(2, 0), axes(2, 2)}, load_m3 / width_m_);
-    load_at_ = axes.col(0) * centre.x() + axes.col(2) * centre.y();
-  }
-  const double level = flat.norm();
-  ahead_ = level > 0 ? Vec3(flat.y() / level, -flat.x() / level, 0) : Vec3(axes.col(0));
-  way_ = way.isZero() ? ahead_ : Vec3(way.normalized());
-  rolled_ = level < kLeastLevelLip;  // a slice across the lip isn't upright
-  if (rolled_) return;
-  const SliceAxes slice{ahead_, Vec3(-ahead_.y(), ahead_.x(), 0), lip};
-
-  const Vec2 end = blade_end(bucket);
-  const Vec2 blade = slice(axes.col(0) * end.x() + axes.col(2) * end.y());
-  const Vec2 mouth = slice(axes.col(2));
-  face_m_ = blade.norm();
-  rake_rad_ = std::atan2(blade.y(), -blade.x());
-  const Vec2 moves(way_.dot(ahead_), way_.z());
-  const double sine = std::sin(rake_rad_), cosine = std::cos(rake_rad_);
-  // Not where it goes back, or is lifted off.
-  cuts_ = rake_rad_ > 0 && moves.x() > kLeastPress &&
-          moves.x() * sine + moves.y() * cosine > kLeastPress;
-  const auto share = [](double sine_of_angle) {
-    return std::clamp(sine_of_angle / kFullPress, 0.0, 1.0);
-  };
-  lip_share_ = share(moves.x() * cosine - moves.y() * sine);
-  plates_share_ = share(way_.dot(axes.col(0)));
-
+  const double level = lip.head<2>().norm();
+  const Vec2 mouth = slice(axes.col(2)), top = mouth * bucket.height_m;
   // Strips side by side, and one more on either side.
   const int strips = std::clamp(
-      static_cast<int>(std::ceil(width_m_ * level / std::max(h, std::min(2 * h, kStrip_m)))), 1,
+      static_cast<int>(std::ceil(of.width_m_ * level / std::max(h, std::min(2 * h, kStrip_m)))), 1,
       kMostStrips);
-  strip_m_ = width_m_ * level / strips;
-  const Vec3 across = width_m_ / strips * lip;
-  const Vec3 first_lip = -(strips + 1) / 2.0 * across;  // of the strip beside
-  const Vec2 top = mouth * bucket.height_m;
-  double back = std::min({0.0, blade.x(), top.x()});
-  for (std::size_t i = 0; i + 1 < bucket.profile.size(); ++i) {
-    const Vec2 &a = bucket.profile[i], d = bucket.profile[i + 1] - a;
-    const Vec3 out = -d.y() * axes.col(0) + d.x() * axes.col(2);  // as long as the face
-    if (out.dot(way_) <= kLeastPress * d.norm()) continue;
-    for (const Vec2& p : {a, bucket.profile[i + 1]})
-      back = std::min(back, slice(axes.col(0) * p.x() + axes.col(2) * p.y()).x());
-  }
-  const int behind = static_cast<int>(std::ceil(-back / h)) + 1;
-  const Vec2 step = h * ahead_.head<2>();
-  const auto read = [&](const Vec3& from, int count, int lines) {
-    heights_.resize(static_cast<std::size_t>(lines * count));
-    map.lines((pose_.position + from).head<2>() - behind * step, step, count, across.head<2>(),
-              lines, heights_);
-  };
-  // How deep the lip is, from a few columns ahead, says how far ahead soil matters.
-  const int mouth_ahead = static_cast<int>(std::ceil(std::max(0.0, top.x()) / h));
-  int count = behind + mouth_ahead + kLeastSliceSteps;
-  read(Vec3::Zero(), count, 1);
-  double deepest = 0;
-  for (const double z : heights_)
-    if (!std::isnan(z)) deepest = std::max(deepest, z - pose_.position.z());
-  deepest += width_m_ / 2 * std::abs(lip.z());
-  count = behind + mouth_ahead +
-          std::clamp(static_cast<int>(std::ceil(kSliceDepths * deepest / h)), kLeastSliceSteps,
-                     kMostSliceSteps);
-  read(first_lip, count, strips + 2);
+  const Vec3 across = of.width_m_ / strips * lip;
+  const Vec2 step = h * of.ahead_.head<2>();
+  int behind = 0, count = 0;  // heights of a strip behind its lip, and all of them
 
-  // Faces that press on the ground, while the heights are those of the ground itself: where it was
-  // dug and lies at the face.
-  struct Contact {
-    Vec3 at;
-    double area;
-    std::size_t height;
-  };
+  /// A direction in the slice: its part along the lip is taken off along the lip.
+  Vec2 slice(const Vec3& d) const {
+    const Vec3 left(-of.ahead_.y(), of.ahead_.x(), 0);
+    const Vec3 in_slice = d - d.dot(left) / lip.dot(left) * lip;
+    return {in_slice.dot(of.ahead_), in_slice.z()};
+  }
+  Vec3 lip_of(int strip) const { return (strip - (strips + 1) / 2.0) * across; }
+  Vec3 in_world(const Vec2& p) const { return axes.col(0) * p.x() + axes.col(2) * p.y(); }
+  double x_of(int j) const { return (j - behind) * h; }
+
+  /// A face of the body that the bucket's way presses on soil.
   struct Face {
-    Vec3 out;
-    std::vector<Contact> parts;
+    Vec2 from, along;
+    Vec3 out;      // unit
+    double press;  // part of the way along `out`
   };
-  std::vector<Face> contacts;
-  for (std::size_t i = 0; i + 1 < bucket.profile.size() && lip_share_ > 0; ++i) {
-    const Vec2 &a = bucket.profile[i], d = bucket.profile[i + 1] - a;
-    const Vec3 out = -d.y() * axes.col(0) + d.x() * axes.col(2);
-    const double press = out.dot(way_) / d.norm();
-    if (press <= kLeastPress) continue;
-    contacts.push_back({out / d.norm(), {}});
-    const double face_share = share((press - kLeastPress) / (1 - kLeastPress / kFullPress));
-    const int parts = std::max(1, static_cast<int>(std::ceil(d.norm() / h)));
-    for (int k = 1; k <= strips; ++k) {
-      for (int n = 0; n < parts; ++n) {
-        const Vec2 p = a + (n + 0.5) / parts * d;
-        const Vec3 in_bucket = axes.col(0) * p.x() + axes.col(2) * p.y();
-        const Vec3 at = first_lip + k * across + in_bucket;
-        const double x = std::clamp(slice(in_bucket).x() / h + behind, 0.0, count - 1.001);
-        const auto j = static_cast<std::size_t>(k * count) + static_cast<std::size_t>(x);
-        const double ground_z = heights_[j] + (x - std::floor(x)) * (heights_[j + 1] - heights_[j]);
-        const Vec3 place = pose_.position + at;
-        const auto initial = ground.terrain().height(place.x(), place.y());
-        if (std::isnan(ground_z) || !initial ||
-            std::abs(*initial - ground_z) < kMinHeightChange * h)
-          continue;
-        const double above = (place.z() - ground_z) / h;
-        const double area =
-            std::clamp((kFreeAbove - above) / (kFreeAbove - kPressesBelow), 0.0, 1.0) * face_share *
-            d.norm() * width_m_ / strips / parts;
-        if (area > 0) contacts.back().parts.push_back({at, area, j});
-      }
+  template <typename Each>
+  void each_pressing_face(const Each& each) const {
+    for (std::size_t i = 0; i + 1 < bucket.profile.size(); ++i) {
+      const Vec2 &from = bucket.profile[i], along = bucket.profile[i + 1] - from;
+      const Vec3 out = (-along.y() * axes.col(0) + along.x() * axes.col(2)) / along.norm();
+      const double press = out.dot(of.way_);
+      if (press > kLeastPress) each(Face{from, along, out, press});
     }
   }
 
-  // Ground that the bucket has dug is continued from ahead of it.
-  const double margin = kCutMargin * h;
-  for (int k = 0; k < strips + 2; ++k) {
-    const Vec3 lip_at = first_lip + k * across;
-    const double lip_z = pose_.position.z() + lip_at.z();
-    double* z = heights_.data() + static_cast<std::ptrdiff_t>(k) * count;
-    const auto x_of = [&](int j) { return (j - behind) * h; };
+  void find_blade() {
+    const Vec2 blade = slice(in_world(blade_end(bucket)));
+    of.face_m_ = blade.norm();
+    of.rake_rad_ = std::atan2(blade.y(), -blade.x());
+    const Vec2 moves(of.way_.dot(of.ahead_), of.way_.z());
+    const double sine = std::sin(of.rake_rad_), cosine = std::cos(of.rake_rad_);
+    // Not where it goes back, or is lifted off.
+    of.cuts_ = of.rake_rad_ > 0 && moves.x() > kLeastPress &&
+               moves.x() * sine + moves.y() * cosine > kLeastPress;
+    of.lip_share_ = share_of_force(moves.x() * cosine - moves.y() * sine);
+    of.plates_share_ = share_of_force(of.way_.dot(axes.col(0)));
+    double back = std::min({0.0, blade.x(), top.x()});
+    each_pressing_face([&](const Face& face) {
+      for (const Vec2& p : {face.from, Vec2(face.from + face.along)})
+        back = std::min(back, slice(in_world(p)).x());
+    });
+    behind = static_cast<int>(std::ceil(-back / h)) + 1;
+  }
+
+  void read_heights() {
+    const auto read = [&](const Vec3& from, int lines) {
+      const auto size = static_cast<std::size_t>(lines * count);
+      if (lines > 1 || of.heights_.size() < size) of.heights_.resize(size);
+      const std::span<double> heights = std::span(of.heights_).first(size);
+      map.lines((of.pose_.position + from).head<2>() - behind * step, step, count, across.head<2>(),
+                lines, heights);
+      return heights;
+    };
+    // How deep the lip is, from a few columns ahead, says how far ahead soil matters.
+    const int before = behind + static_cast<int>(std::ceil(std::max(0.0, top.x()) / h));
+    count = before + kLeastSliceSteps;
+    double deepest = 0;
+    for (const double z : read(Vec3::Zero(), 1))
+      if (!std::isnan(z)) deepest = std::max(deepest, z - of.pose_.position.z());
+    deepest += of.width_m_ / 2 * std::abs(lip.z());
+    count = before + std::clamp(static_cast<int>(std::ceil(kSliceDepths * deepest / h)),
+                                kLeastSliceSteps, kMostSliceSteps);
+    read(lip_of(0), strips + 2);
+  }
+
+  /// Where faces press on the ground, while the heights are those of the ground itself: where it
+  /// was dug and lies at the face.
+  void find_contacts() {
+    if (of.lip_share_ <= 0) return;
+    each_pressing_face([&](const Face& face) {
+      const double length = face.along.norm();
+      const double share =
+          share_of_force((face.press - kLeastPress) / (1 - kLeastPress / kFullPress));
+      const int parts = std::max(1, static_cast<int>(std::ceil(length / h)));
+      of.heels_.emplace_back().out = face.out;
+      for (int k = 1; k <= strips; ++k) {
+        for (int n = 0; n < parts; ++n) {
+          const Vec3 in_bucket = in_world(face.from + (n + 0.5) / parts * face.along);
+          const Vec3 at = lip_of(k) + in_bucket, place = of.pose_.position + at;
+          const double x = std::clamp(slice(in_bucket).x() / h + behind, 0.0, count - 1.001);
+          const auto j = static_cast<std::size_t>(k * count) + static_cast<std::size_t>(x);
+          const double z =
+              of.heights_[j] + (x - std::floor(x)) * (of.heights_[j + 1] - of.heights_[j]);
+          const double above = (place.z() - z) / h;
+          if (!(above < kFreeAbove)) continue;  // nor where there is no ground
+          const auto initial = ground.terrain().height(place.x(), place.y());
+          if (!initial || std::abs(*initial - z) < kMinHeightChange * h) continue;
+          const double area = std::min((kFreeAbove - above) / (kFreeAbove - kPressesBelow), 1.0) *
+                              share * length * of.width_m_ / strips / parts;
+          of.contacts_.push_back({at, area, of.heels_.size() - 1, j});
+        }
+      }
+    });
+  }
+
+  /// Ground that the bucket has dug is continued from ahead of it.
+  void continue_ground(int k) {
+    const Vec3 lip_at = lip_of(k);
+    const Vec2 first = (of.pose_.position + lip_at).head<2>();
+    const double lip_z = of.pose_.position.z() + lip_at.z(), margin = kCutMargin * h;
+    double* z = of.heights_.data() + static_cast<std::ptrdiff_t>(k) * count;
     for (int j = 0; j < count; ++j) z[j] -= lip_z;
+    // Columns over the blade lack what it has passed below.
+    const double before = margin * mouth.norm(),
+                 reach = (bucket.height_m + margin) * mouth.squaredNorm();
+    const auto is_dug = [&](int j) {
+      const double x = x_of(j);
+      return x < margin || (x * mouth.y() - z[j] * mouth.x() < before &&
+                            x * mouth.x() + z[j] * mouth.y() < reach);
+    };
     int from = count;
-    while (from > 0) {
-      const double x = x_of(from - 1), s = x * mouth.x() + z[from - 1] * mouth.y();
-      // Columns over the blade lack what it has passed below.
-      const bool dug =
-          x < margin || (x * mouth.y() - z[from - 1] * mouth.x() < margin * mouth.norm() &&
-                         s < (bucket.height_m + margin) * mouth.squaredNorm());
-      if (dug) break;
-      --from;
-    }
+    while (from > 0 && !is_dug(from - 1)) --from;
     const auto terrain = [&](int j) {
-      const Vec2 at = (pose_.position + lip_at).head<2>() + (j - behind) * step;
+      const Vec2 at = first + (j - behind) * step;
       return ground.terrain().height(at.x(), at.y());
     };
     while (from < count && std::isnan(z[from])) ++from;
@@ -228,59 +219,105 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
     }
     int until = from + known;
     while (until < count && !std::isnan(z[until])) ++until;
-    Strip strip{lip_at, x_of(0), static_cast<std::size_t>(k * count), 0};
-    if (known > 0) {
-      for (int j = 0; j < from; ++j) {
-        const std::optional<double> initial = has_terrain ? terrain(j) : std::nullopt;
-        z[j] = initial ? *initial + sum / known : z[from];
-      }
-      strip.count = static_cast<std::size_t>(until);
+    for (int j = 0; known > 0 && j < from; ++j) {
+      const std::optional<double> initial = has_terrain ? terrain(j) : std::nullopt;
+      z[j] = initial ? *initial + sum / known : z[from];
     }
-    strips_.push_back(strip);
+    of.strips_.push_back({lip_at, x_of(0), static_cast<std::size_t>(k * count),
+                          known > 0 ? static_cast<std::size_t>(until) : 0});
   }
 
-  for (const Face& face : contacts) {
-    Heel heel;
-    heel.out = face.out;
-    for (const Contact& c : face.parts) {
+  void find_heels() {
+    for (const Contact& c : of.contacts_) {
+      Heel& heel = of.heels_[c.heel];
+      const double surface =
+          of.heights_[c.height] + of.strips_[c.height / static_cast<std::size_t>(count)].lip.z();
       heel.area += c.area;
       heel.at += c.area * c.at;
-      const double surface =
-          heights_[c.height] + strips_[c.height / static_cast<std::size_t>(count)].lip.z();
       heel.depth += c.area * std::max(0.0, surface - c.at.z());
     }
-    if (heel.area <= 0) continue;
-    heel.at /= heel.area;
-    heel.depth /= heel.area;
-    heel.length = heel.area / width_m_;
-    heels_.push_back(heel);
+    std::erase_if(of.heels_, [](const Heel& heel) { return heel.area <= 0; });
+    for (Heel& heel : of.heels_) {
+      heel.at /= heel.area;
+      heel.depth /= heel.area;
+      heel.length = heel.area / of.width_m_;
+    }
+    of.contacts_.clear();
   }
 
-  const auto height = [&](int k, double x) {
-    const Strip& strip = strips_[static_cast<std::size_t>(k)];
+  /// Height of the ground above the middle of the lip; -1 where none is known.
+  double height(int k, double x) const {
+    const Strip& strip = of.strips_[static_cast<std::size_t>(k)];
     const auto j = static_cast<std::size_t>(std::max(0.0, x / h + behind));
-    return j < strip.count ? heights_[strip.first + j] + strip.lip.z() : -1;
-  };
-  const double ahead_m = std::max(0.0, top.x()) + margin;
-  const double middle = height((strips + 1) / 2, ahead_m);
-  const bool has_plates = !bucket.profile.empty();
-  // Side plates shield what is lower than they are.
-  const double open = has_plates ? std::clamp((middle - top.y()) / middle, 0.0, 1.0) : 1;
-  if (middle > 0 && open > 0)
+    return j < strip.count ? of.heights_[strip.first + j] + strip.lip.z() : -1;
+  }
+
+  /// As far as soil stands beside the bucket, but is no wall of a slot: that doesn't move.
+  void find_open_sides() {
+    const double ahead = std::max(0.0, top.x()) + kCutMargin * h;
+    const double middle = height((strips + 1) / 2, ahead);
+    if (middle <= 0) return;
+    // Side plates shield what is lower than they are.
+    const double open =
+        bucket.profile.empty() ? 1 : std::clamp((middle - top.y()) / middle, 0.0, 1.0);
     for (const int side : {0, strips + 1}) {
-      // As far as soil stands beside the bucket, but is no wall of a slot: that doesn't move.
-      const double beside = height(side, ahead_m);
-      const double lip_z = strips_[static_cast<std::size_t>(side)].lip.z();
-      open_sides_ += open * std::clamp((beside - lip_z) / middle, 0.0, 1.0) *
-                     std::clamp((kHighWall - beside / middle) / (kHighWall - kLowWall), 0.0, 1.0);
+      const double beside = height(side, ahead);
+      of.open_sides_ +=
+          open * std::clamp((beside - lip_of(side).z()) / middle, 0.0, 1.0) *
+          std::clamp((kHighWall - beside / middle) / (kHighWall - kLowWall), 0.0, 1.0);
     }
-  if (has_plates && plates_share_ > 0) {
+  }
+
+  void find_plates() {
+    if (bucket.profile.empty() || of.plates_share_ <= 0) return;
     const double deep = std::max(0.0, height((strips + 1) / 2, 0));
     const double length = std::min(bucket.height_m, deep / std::max(mouth.y(), kLeastPress));
-    plates_m2_ = 2 * bucket.plate_m * length;
-    plates_at_ = axes.col(2) * (length / 2);
+    of.plates_m2_ = 2 * bucket.plate_m * length;
+    of.plates_at_ = axes.col(2) * (length / 2);
   }
-  strips_.erase(strips_.begin());
+};
+
+void CutGeometry::read(HeightMap& map, const Ground& ground, const Bucket& bucket,
+                       const Pose& world_from_bucket, const Vec3& way, double load_m3) {
+  if (bucket.shape)
+    throw std::invalid_argument("a closed tool has no blade; only a bucket's resistance is known");
+  CutGeometry old = std::exchange(*this, {});  // but for its storage
+  strips_.swap(old.strips_);
+  heights_.swap(old.heights_);
+  heels_.swap(old.heels_);
+  contacts_.swap(old.contacts_);
+  strips_.clear();
+  heels_.clear();
+  contacts_.clear();
+  pose_ = world_from_bucket;
+  width_m_ = bucket.width_m;
+  edge_m_ = bucket.edge_m;
+  plate_m_ = bucket.plate_m;
+  step_m_ = ground.voxel_size_m();
+  load_m3_ = load_m3;
+  const Eigen::Matrix3d axes = pose_.rotation.toRotationMatrix();
+  load_at_ = axes.col(2) * (bucket.height_m / 2);
+  if (!bucket.profile.empty() && load_m3 > 0) {
+    const Vec2 centre = load_centre(bucket.profile, {axes(2, 0), axes(2, 2)}, load_m3 / width_m_);
+    load_at_ = axes.col(0) * centre.x() + axes.col(2) * centre.y();
+  }
+  const Vec2 flat = axes.col(1).head<2>();
+  const double level = flat.norm();
+  ahead_ = level > 0 ? Vec3(flat.y() / level, -flat.x() / level, 0) : Vec3(axes.col(0));
+  way_ = way.isZero() ? ahead_ : Vec3(way.normalized());
+  rolled_ = level < kLeastLevelLip;  // a slice across the lip isn't upright
+  if (rolled_) return heights_.clear();
+
+  Look look{*this, map, ground, bucket};
+  strip_m_ = width_m_ * level / look.strips;
+  look.find_blade();
+  look.read_heights();
+  look.find_contacts();
+  for (int k = 0; k < look.strips + 2; ++k) look.continue_ground(k);
+  look.find_heels();
+  look.find_open_sides();
+  look.find_plates();
+  strips_.erase(strips_.begin());  // those beside
   strips_.pop_back();
 }
 

@@ -96,7 +96,7 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
   double above_m3 = 0, by_force = 0;  // of the wedges, above the blade
   Vec3 above_m4 = Vec3::Zero();       // its first moment
   all.rolled = rolled_;
-  // The middle of the blade says whether soil rides before it.
+  // The middle of the blade says whether soil may ride before it.
   BodyGuess body;
   const auto slice_of = [&](const Strip& strip) {
     SoilSlice slice{strip.first_x, step_m_, std::span(heights_).subspan(strip.first, strip.count),
@@ -105,7 +105,8 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
     slice.width = width_m_;
     return slice;
   };
-  if (cuts_) wedge_force(slice_of(strips_[strips_.size() / 2]), soil, body);
+  if (cuts_ && rake_rad_ + soil.friction + soil.tool_friction > kLeastAngleWithBody)
+    wedge_force(slice_of(strips_[strips_.size() / 2]), soil, body);
   for (const Strip& strip : strips_) {
     const std::span<const double> heights = std::span(heights_).subspan(strip.first, strip.count);
     const double share = 1.0 / static_cast<double>(strips_.size());

@@ -25,9 +25,25 @@ namespace {
 
 constexpr double kNoForce = std::numeric_limits<double>::infinity();
 
-struct AlongGround {
-  double value, change;  // change per x
+struct Angle {
+  double sine, cosine;
+
+  Angle(double sine_of, double cosine_of) : sine(sine_of), cosine(cosine_of) {}
+  explicit Angle(double angle) : sine(std::sin(angle)), cosine(std::cos(angle)) {}
+  Angle operator+(const Angle& o) const {
+    return {sine * o.cosine + cosine * o.sine, cosine * o.cosine - sine * o.sine};
+  }
 };
+
+/// Height of the ground at x from the lip.
+double ground(const SoilSlice& slice, double x) {
+  const std::span<const double> z = slice.heights;
+  const double at =
+      std::clamp((x - slice.first_x) / slice.step, 0.0, static_cast<double>(z.size() - 1));
+  const auto i = std::min(static_cast<std::size_t>(at), z.size() - 2);
+  const double share = at - static_cast<double>(i);
+  return (1 - share) * z[i] + share * z[i + 1];
+}
 
 /// The plane face that pushes a wedge: from a toe up to the end of the blade in the soil.
 struct PushingFace {
@@ -48,12 +64,13 @@ class TrialWedge {
       : slice_(slice),
         face_(face),
         soil_(soil),
-        sin_phi_(std::sin(soil.friction)),
-        cos_phi_(std::cos(soil.friction)),
-        sin_all_(std::sin(face.rake + soil.friction + soil.tool_friction)),
-        cos_all_(std::cos(face.rake + soil.friction + soil.tool_friction)),
-        sin_rake_phi_(std::sin(face.rake + soil.friction)),
-        cos_rake_phi_(std::cos(face.rake + soil.friction)) {
+        rake_(face.rake),
+        phi_(soil.friction),
+        rake_phi_(rake_ + phi_),
+        rake_delta_(rake_ + Angle(soil.tool_friction)),
+        all_(rake_delta_ + phi_),
+        cohesive_(soil.cohesion * phi_.cosine),
+        stuck_(soil.adhesion * face.length) {
     if (slice.open_sides > 0) {
       weight_share_ = slice.open_sides / (3 * slice.width);
       plane_share_ = slice.open_sides / (2 * slice.width);
@@ -70,196 +87,199 @@ class TrialWedge {
     const auto first =
         static_cast<std::size_t>(std::clamp(std::floor((begin - slice_.first_x) / slice_.step) + 1,
                                             0.0, static_cast<double>(z.size())));
-    double x0 = face_.end_x, z0 = ground(begin);
+    double x0 = face_.end_x, z0 = ground(slice_, begin);
     double area = face_.end_x * face_.end_z / 2;  // of the wedge plus that of (toe, exit, x axis)
     double steepest = std::numeric_limits<double>::infinity();
+    std::array<Exit, 2> bends;  // of this piece and the one before
     for (std::size_t i = first; i < z.size(); ++i) {
       const double x1 = slice_.first_x + static_cast<double>(i) * slice_.step - face_.toe_x;
       const double z1 = z[i];
       if (x1 > 0 && z1 < steepest * x1) {
-        try_piece({x0, z0, x1, z1, area, i + 1 == z.size()}, steepest, best);
+        try_piece({x0, z0, x1, z1, (z1 - z0) / (x1 - x0), area, i + 1 == z.size()}, steepest,
+                  bends[i % 2], bends[(i + 1) % 2], best);
         steepest = std::min(steepest, z1 / x1);
       }
       area += (z0 + z1) / 2 * (x1 - x0);
       x0 = x1;
       z0 = z1;
-      if (x1 > 0 && (z1 <= 0 || least_beyond(x1, area - x1 * z1 / 2) > best.p)) break;
+      if (x1 > 0 && (z1 <= 0 || is_less_than_beyond(best.p, x1, area - x1 * z1 / 2,
+                                                    bends[(i + 1) % 2].crescent)))
+        break;
     }
     return best;
   }
 
   WedgeForce force(const TrialPlane& at) const {
-    const double length = std::hypot(at.x, at.z), beta = std::atan2(at.z, at.x);
+    const double length = std::hypot(at.x, at.z);
     const double fg = 1 + weight_share_ * at.crescent, fc = 1 + plane_share_ * at.crescent;
-    const double rake = face_.rake, phi = soil_.friction, delta = soil_.tool_friction;
-    const double sine = std::sin(rake + beta + delta + phi),
-                 cotangent = std::cos(rake + beta + delta + phi) / sine;
-    const double by_weight = fg * at.area * std::sin(beta + phi) / sine;
-    const double by_cohesion = fc * length * std::cos(phi) / sine;
-    const double by_adhesion = -face_.length * std::cos(rake + beta + phi) / sine;
+    const Angle beta(at.z / length, at.x / length);
+    const Angle beta_all = beta + all_, beta_phi = beta + phi_, beta_rake_phi = beta + rake_phi_;
+    const double cotangent = beta_all.cosine / beta_all.sine;
+    const double by_weight = fg * at.area * beta_phi.sine / beta_all.sine;
+    const double by_cohesion = fc * length * phi_.cosine / beta_all.sine;
+    const double by_adhesion = -face_.length * beta_rake_phi.cosine / beta_all.sine;
     const double load =
         soil_.unit_weight * fg * at.area + slice_.surcharge * fc * (at.x - face_.end_x);
     const double p = at.p;
-    const double by_friction =
-        (load * std::cos(beta + phi) - soil_.cohesion * fc * length * std::sin(phi) +
-         soil_.adhesion * face_.length * std::sin(rake + beta + phi)) /
-            sine -
-        p * cotangent;
+    const double by_friction = (load * beta_phi.cosine - soil_.cohesion * fc * length * phi_.sine +
+                                stuck_ * beta_rake_phi.sine) /
+                                   beta_all.sine -
+                               p * cotangent;
     const double by_tool_friction = -p * cotangent;
     const std::array<double, kWedgeParameters> by = {by_weight, by_cohesion, by_friction,
                                                      by_tool_friction, by_adhesion};
     WedgeForce force;
-    const double along = std::sin(rake + delta), upward = std::cos(rake + delta);
-    const double stuck = soil_.adhesion * face_.length;
-    force.ahead = p * along + stuck * std::cos(rake);
-    force.up = p * upward - stuck * std::sin(rake);
+    const double along = rake_delta_.sine, upward = rake_delta_.cosine;
+    force.ahead = p * along + stuck_ * rake_.cosine;
+    force.up = p * upward - stuck_ * rake_.sine;
     for (std::size_t i = 0; i < by.size(); ++i) {
       force.d_ahead[i] = by[i] * along;
       force.d_up[i] = by[i] * upward;
     }
     force.d_ahead[3] += p * upward;
     force.d_up[3] -= p * along;
-    force.d_ahead[4] += face_.length * std::cos(rake);
-    force.d_up[4] -= face_.length * std::sin(rake);
-    force.failure = beta;
+    force.d_ahead[4] += face_.length * rake_.cosine;
+    force.d_up[4] -= face_.length * rake_.sine;
+    force.failure = std::atan2(at.z, at.x);
     const double weight = soil_.unit_weight * by_weight;
     force.arm = p > 0 ? (weight / 3 + (p - weight) / 2) / p * face_.length : 0;
     force.open = at.last;
     return force;
   }
 
-  /// Height of the ground at x from the lip.
-  double ground(double x) const {
-    const std::span<const double> z = slice_.heights;
-    const double at =
-        std::clamp((x - slice_.first_x) / slice_.step, 0.0, static_cast<double>(z.size() - 1));
-    const auto i = std::min(static_cast<std::size_t>(at), z.size() - 2);
-    const double share = at - static_cast<double>(i);
-    return (1 - share) * z[i] + share * z[i + 1];
-  }
-
  private:
   /// A straight piece of ground.
   struct Piece {
-    double x0, z0, x1, z1;
+    double x0, z0, x1, z1, rise;
     double area;  // as in least(), up to x0
     bool last;
+  };
+  /// Where a failure plane may come to the ground: P times `lever` is `resists` there. `flat` and
+  /// `rising` times the ground's rise have together the sign of P's change along the ground.
+  struct Exit {
+    double x = std::numeric_limits<double>::quiet_NaN(), z = 0, area = 0, crescent = 0;
+    double resists = 0, lever = 0, flat = 0, rising = 0;
 
-    double rise() const { return (z1 - z0) / (x1 - x0); }
-    double z(double x) const { return z0 + rise() * (x - x0); }
-    double wedge(double x) const { return area + (z0 + z(x)) / 2 * (x - x0) - x * z(x) / 2; }
+    double trend(double rise) const { return flat + rising * rise; }
   };
 
-  double crescent(double x) const {
-    if (slice_.open_sides == 0) return 0;
-    const double r = x - face_.end_x;
-    return std::sqrt(std::max(0.0, r * r - face_.end_x * face_.end_x));
+  Exit exit(const Piece& piece, double x) const {
+    const double z = x == piece.x1 ? piece.z1 : piece.z0 + piece.rise * (x - piece.x0);
+    const double area = piece.area + (piece.z0 + z) / 2 * (x - piece.x0) - x * z / 2;
+    const double r = x - face_.end_x, square = x * x + z * z;
+    const double sine = z * phi_.cosine + x * phi_.sine, lever = x * all_.sine + z * all_.cosine;
+    const double q = slice_.surcharge;
+    double heavy = soil_.unit_weight, sticky = cohesive_, pressed = q * r, crescent = 0;
+    double more_weight = q, more_sticky = 0;  // by x, besides the area's
+    if (slice_.open_sides > 0) {
+      crescent = std::sqrt(std::max(0.0, r * r - face_.end_x * face_.end_x));
+      const double fg = 1 + weight_share_ * crescent, fc = 1 + plane_share_ * crescent;
+      const double by_x = crescent > 0 ? r / crescent : 0;
+      more_weight = heavy * area * weight_share_ * by_x + q * (fc + plane_share_ * by_x * r);
+      more_sticky = sticky * plane_share_ * by_x * square;
+      heavy *= fg;
+      sticky *= fc;
+      pressed *= fc;
+    }
+    const double weight = heavy * area + pressed;
+    const double resists =
+        weight * sine + sticky * square - stuck_ * (rake_phi_.cosine * x - rake_phi_.sine * z);
+    const double flat = (heavy * z / 2 + more_weight) * sine + weight * phi_.sine + 2 * sticky * x +
+                        more_sticky - stuck_ * rake_phi_.cosine;
+    const double rising =
+        weight * phi_.cosine - heavy * x / 2 * sine + 2 * sticky * z + stuck_ * rake_phi_.sine;
+    return {x,
+            z,
+            area,
+            crescent,
+            resists,
+            lever,
+            flat * lever - resists * all_.sine,
+            rising * lever - resists * all_.cosine};
   }
 
-  /// The equation's right side times the plane's length, along the ground.
-  AlongGround load(const Piece& piece, double x) const {
-    const double m = piece.rise(), z = piece.z(x), area = piece.wedge(x);
-    const double d_area = (z - x * m) / 2, r = x - face_.end_x, s = crescent(x);
-    const double d_s = s > 0 ? r / s : 0;
-    const double fg = 1 + weight_share_ * s, fc = 1 + plane_share_ * s;
-    const double d_fg = weight_share_ * d_s, d_fc = plane_share_ * d_s;
-    const double sine = z * cos_phi_ + x * sin_phi_, d_sine = m * cos_phi_ + sin_phi_;
-    const double weight = soil_.unit_weight * fg * area + slice_.surcharge * fc * r;
-    const double d_weight =
-        soil_.unit_weight * (fg * d_area + d_fg * area) + slice_.surcharge * (fc + d_fc * r);
-    const double square = x * x + z * z, d_square = 2 * (x + z * m);
-    const double c = soil_.cohesion * cos_phi_, stuck = soil_.adhesion * face_.length;
-    return {weight * sine + c * fc * square - stuck * (cos_rake_phi_ * x - sin_rake_phi_ * z),
-            d_weight * sine + weight * d_sine + c * (fc * d_square + d_fc * square) -
-                stuck * (cos_rake_phi_ - sin_rake_phi_ * m)};
-  }
-  /// The factor of P on its left side, times the plane's length.
-  AlongGround lever(const Piece& piece, double x) const {
-    return {x * sin_all_ + piece.z(x) * cos_all_, sin_all_ + piece.rise() * cos_all_};
-  }
-  /// Has the sign of the change of P along the ground.
-  double trend(const Piece& piece, double x) const {
-    const AlongGround n = load(piece, x), d = lever(piece, x);
-    return n.change * d.value - n.value * d.change;
+  void try_exit(const Exit& e, bool last, TrialPlane& best) const {
+    const double resists = std::max(0.0, e.resists);
+    if (e.lever > 0 && resists < best.p * e.lever)
+      best = {resists / e.lever, e.x, e.z, e.area, e.crescent, last};
   }
 
-  void try_exit(const Piece& piece, double x, TrialPlane& best) const {
-    const double d = lever(piece, x).value;
-    if (d <= 0) return;
-    const double p = std::max(0.0, load(piece, x).value / d);
-    if (p < best.p)
-      best = {p, x, piece.z(x), piece.wedge(x), crescent(x), piece.last && x == piece.x1};
-  }
-
-  void try_piece(const Piece& piece, double steepest, TrialPlane& best) const {
+  /// @param before the end of the piece before, if that was tried @param end becomes that of this
+  void try_piece(const Piece& piece, double steepest, const Exit& before, Exit& end,
+                 TrialPlane& best) const {
     double low = std::max(piece.x0, 0.0), high = piece.x1;
-    const double m = piece.rise();
+    const double m = piece.rise;
     // Where the piece comes into sight from the toe.
-    if (steepest < std::numeric_limits<double>::infinity() && piece.z(low) > steepest * low)
+    if (steepest < std::numeric_limits<double>::infinity() &&
+        piece.z0 + m * (low - piece.x0) > steepest * low)
       low = std::clamp((piece.z0 - m * piece.x0) / (steepest - m), low, high);
     if (piece.z1 < 0) high = std::clamp(piece.x0 - piece.z0 / m, low, high);
+    end = exit(piece, high);
+    Exit other;
+    const Exit* begin = low == before.x ? &before : &(other = exit(piece, low));
     // Steeper planes than this can't slide.
-    const AlongGround d = lever(piece, low);
-    if (d.value <= 0) {
-      if (lever(piece, high).value <= 0) return;
-      low += -d.value / d.change * (1 + kWedgeTolerance);
+    if (begin->lever <= 0) {
+      if (end.lever <= 0) return;
+      low += -begin->lever / (all_.sine + m * all_.cosine) * (1 + kWedgeTolerance);
+      begin = &(other = exit(piece, low));
     }
     if (!(low < high)) return;
-    double down = trend(piece, low), up = trend(piece, high);
+    const bool last = piece.last && high == piece.x1;
+    double down = begin->trend(m), up = end.trend(m);
     if (!(down < 0 && up > 0)) {
-      try_exit(piece, low, best);
-      try_exit(piece, high, best);
+      try_exit(*begin, false, best);
+      try_exit(end, last, best);
       return;
     }
     // The root by false position; the end that stays counts half (Illinois).
-    double x = low;
     for (int n = 0, side = 0; n < kMaxWedgeSteps; ++n) {
-      x = (low * up - high * down) / (up - down);
-      const double at = trend(piece, x);
+      other = exit(piece, (low * up - high * down) / (up - down));
+      const double at = other.trend(m);
       if (at == 0 || high - low < kWedgeTolerance * high) break;
       if (at < 0) {
-        low = x;
+        low = other.x;
         down = at;
         if (side < 0) up /= 2;
         side = -1;
       } else {
-        high = x;
+        high = other.x;
         up = at;
         if (side > 0) down /= 2;
         side = 1;
       }
     }
-    try_exit(piece, x, best);
+    try_exit(other, last && other.x == piece.x1, best);
   }
 
-  /// No plane that comes to the ground beyond x needs less. `area` is of the wedge up to there. The
-  /// quotients of sines grow with beta, so they are least at 0.
-  double least_beyond(double x, double area) const {
-    return (soil_.unit_weight * area * sin_phi_ - soil_.adhesion * face_.length * cos_rake_phi_) /
-               sin_all_ +
-           soil_.cohesion * x * cos_phi_;
+  /// No plane that comes to the ground beyond x needs as little as p. `area` is of the wedge up to
+  /// there, the crescent's radius of that or a nearer plane. The quotients of sines grow with beta,
+  /// so they are least at 0.
+  bool is_less_than_beyond(double p, double x, double area, double crescent) const {
+    const double fg = 1 + weight_share_ * crescent, fc = 1 + plane_share_ * crescent;
+    return soil_.unit_weight * fg * area * phi_.sine - stuck_ * rake_phi_.cosine >
+           (p - cohesive_ * fc * x) * all_.sine;
   }
 
   const SoilSlice& slice_;
   PushingFace face_;
   WedgeSoil soil_;
-  double sin_phi_, cos_phi_;
-  double sin_all_, cos_all_;            // of rake + friction + tool friction
-  double sin_rake_phi_, cos_rake_phi_;  // of rake + friction
+  Angle rake_, phi_, rake_phi_, rake_delta_, all_;  // of face, friction and tool friction
+  double cohesive_;                                 // cohesion times the cosine of friction
+  double stuck_;                                    // adhesion of all of the face
   double weight_share_ = 0, plane_share_ = 0;
 };
 
 /// Length of the blade up to where it comes out of the ground.
-double length_in_soil(const SoilSlice& slice, const TrialWedge& wedge) {
-  const double sine = std::sin(slice.rake), cosine = std::cos(slice.rake);
-  double from = 0, cover = wedge.ground(0);
+double length_in_soil(const SoilSlice& slice, const Angle& rake) {
+  const double sine = rake.sine, cosine = rake.cosine;
+  double from = 0, cover = ground(slice, 0);
   const double step = slice.step / std::max(std::abs(cosine), kNearlyUpright);
-  const double offset = std::fmod(-slice.first_x, slice.step);
   // Bends of the ground are where x is a whole number of steps from the first height.
-  double to = (cosine > 0 ? offset : slice.step - offset) / slice.step * step;
+  const double steps = -slice.first_x / slice.step, share = steps - std::floor(steps);
+  double to = (cosine > 0 ? share : 1 - share) * step;
   while (from < slice.face) {
     const double end = std::min(to, slice.face);
-    const double over = wedge.ground(-end * cosine) - end * sine;
+    const double over = ground(slice, -end * cosine) - end * sine;
     if (over <= 0) return from + (end - from) * cover / (cover - over);
     from = end;
     cover = over;
@@ -371,12 +391,11 @@ WedgeForce least_body(const SoilSlice& slice, const WedgeSoil& soil, double end_
 WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess& guess) noexcept {
   WedgeForce force;
   if (!(slice.rake > 0 && slice.rake < std::numbers::pi) || slice.heights.size() < 2) return force;
-  const PushingFace whole{0, slice.rake, slice.face, 0, 0};
-  const TrialWedge probe(slice, whole, soil);
-  const double depth = probe.ground(0);
+  const double depth = ground(slice, 0);
   if (!(depth > 0)) return force;
-  const double length = length_in_soil(slice, probe);
-  const double end_x = -length * std::cos(slice.rake), end_z = length * std::sin(slice.rake);
+  const Angle rake(slice.rake);
+  const double length = length_in_soil(slice, rake);
+  const double end_x = -length * rake.cosine, end_z = length * rake.sine;
   const TrialWedge wedge(slice, {0, slice.rake, length, end_x, end_z}, soil);
   const TrialPlane exit = wedge.least();
   if (exit.p < kNoForce) force = wedge.force(exit);
@@ -394,11 +413,11 @@ WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess&
   if (end_x < 0) {
     // Between the blade and the ground above it.
     double area = 0, moment = 0;
+    const double slope = -rake.sine / rake.cosine;
     constexpr int kParts = 8;
     for (int i = 0; i < kParts; ++i) {
       const double x = end_x * (i + 0.5) / kParts;
-      const double part =
-          std::max(0.0, wedge.ground(x) + x * std::tan(slice.rake)) * -end_x / kParts;
+      const double part = std::max(0.0, ground(slice, x) - x * slope) * -end_x / kParts;
       area += part;
       moment += part * x;
     }

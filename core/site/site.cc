@@ -137,12 +137,18 @@ void Site::set_direction(Input& now, const std::optional<Input>& last) const {
   now.moved_from = now.pose.position;
 }
 
-CutGeometry Site::cut_geometry(std::size_t machine, HeightMap& map) const {
+void Site::cut_geometry(std::size_t machine, HeightMap& map, CutGeometry& out) const {
   require(machine);
   const std::optional<Input>& last = inputs_[machine];
   if (!last) throw std::invalid_argument(name(machine) + " meets no soil before its first state");
-  return {map,        *ground_,        model_->machines[machine].bucket,
-          last->pose, last->direction, tracker_->ledger(machine).bank_m3()};
+  out.read(map, *ground_, model_->machines[machine].bucket, last->pose, last->direction,
+           tracker_->ledger(machine).bank_m3());
+}
+
+CutGeometry Site::cut_geometry(std::size_t machine, HeightMap& map) const {
+  CutGeometry made;
+  cut_geometry(machine, map, made);
+  return made;
 }
 
 std::optional<double> Site::last_s() const {

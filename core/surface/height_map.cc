@@ -133,10 +133,15 @@ void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const
   const Coord2 low = box.min().array().floor().matrix().cast<int>();
   const Coord2 size = box.max().array().floor().matrix().cast<int>() - low + Coord2::Constant(2);
   reader.read(low, size, HeightReader::kSurface, kNoCeiling, reader.columns);
-  auto out = heights_m.begin();
-  for (int k = 0; k < lines; ++k)
+  const HeightReader::Columns& columns = reader.columns;
+  const double level = ground.origin().z(), by_x = along.x(), by_y = along.y();
+  for (int k = 0; k < lines; ++k) {
+    const Vec2 from = first - low.cast<double>() + k * across;
+    const double x = from.x(), y = from.y();
+    double* const out = heights_m.data() + std::ptrdiff_t{k} * count;
     for (int i = 0; i < count; ++i)
-      *out++ = ground.origin().z() + h * reader.columns.between(first + i * along + k * across);
+      out[i] = level + h * columns.between(x + i * by_x, y + i * by_y);
+  }
 }
 
 template <typename T>

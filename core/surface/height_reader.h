@@ -67,8 +67,28 @@ class HeightReader {
     /// the nearest has no ground.
     double between(const Vec2& place) const {
       const Quad quad = this->quad(place);
-      const double u = quad.u, v = quad.v;
-      const std::array<double, 4> corners = quad.corners();
+      return between(quad.corner, quad.u, quad.v);
+    }
+    /// The same at a place from the first column, not before it.
+    double between(double x, double y) const {
+      const int low_x = static_cast<int>(x), low_y = static_cast<int>(y);
+      return between(from(low_x, low_y), x - low_x, y - low_y);
+    }
+    double between(const double* corner, double u, double v) const {
+      const double *low = corner, *high = corner + size.y();
+      const double near = low[0] + v * (low[1] - low[0]), far = high[0] + v * (high[1] - high[0]);
+      const double all = near + u * (far - near);
+      return std::isnan(all) ? between_some(corner, size.y(), u, v) : all;
+    }
+    /// Is the layer more than 0 in any of those four columns?
+    bool is_any(const Vec2& place) const {
+      const std::array<double, 4> corners = quad(place).corners();
+      return std::any_of(corners.begin(), corners.end(), [](double value) { return value > 0; });
+    }
+    /// Columns without ground do not count.
+    [[gnu::noinline]] static double between_some(const double* corner, int row, double u,
+                                                 double v) {
+      const std::array<double, 4> corners = Quad{corner, row, u, v}.corners();
       const double weights[4] = {(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v};
       double sum = 0, whole = 0;
       for (std::size_t n = 0; n < 4; ++n) {
@@ -78,11 +98,6 @@ class HeightReader {
       }
       const std::size_t nearest = 2 * (u >= 0.5) + (v >= 0.5);
       return std::isnan(corners[nearest]) ? kNoGround : sum / whole;
-    }
-    /// Is the layer more than 0 in any of those four columns?
-    bool is_any(const Vec2& place) const {
-      const std::array<double, 4> corners = quad(place).corners();
-      return std::any_of(corners.begin(), corners.end(), [](double value) { return value > 0; });
     }
     static int floor_of(double value) {
       const int cut_off = static_cast<int>(value);

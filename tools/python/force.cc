@@ -45,7 +45,9 @@ ResistanceValue resistance(Site& site, const MachineName& machine,
                            const std::optional<SoilProperties>& soil, bool crescents) {
   return site.with([&](Session& session) {
     const SoilStrength strength = strength_of(session, soil);
-    return value_of(session.cut_geometry(machine_of(session, machine)), strength, crescents);
+    const std::size_t number = machine_of(session, machine);
+    const Resistance made = session.resistance(number, &strength, crescents);
+    return ResistanceValue{made, session.last(number)->pose};
   });
 }
 
@@ -84,7 +86,7 @@ py::tuple resistances(const py::object& given, const MachineName& machine, const
       tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
         Wrench all;
         if (sessions[i]->last(numbers[i]))
-          all = sessions[i]->cut_geometry(numbers[i]).resistance(strengths[i], crescents).total();
+          all = sessions[i]->resistance(numbers[i], &strengths[i], crescents).total();
         else
           all.force = all.moment = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
         std::copy_n(all.force.data(), 3, force + 3 * i);

@@ -392,11 +392,11 @@ CutGeometry Session::cut_geometry(std::size_t machine) {
 }
 
 Resistance Session::resistance(std::size_t machine, const SoilStrength* soil, bool crescents) {
-  const CutGeometry geometry = cut_geometry(machine);
-  if (soil != nullptr) return geometry.resistance(*soil, crescents);
-  if (!earthmoving().soil)
+  if (soil == nullptr && !earthmoving().soil)
     throw std::invalid_argument("soil is rigid here; give the soil whose resistance is asked for");
-  return geometry.resistance(SoilStrength::of(*earthmoving().soil), crescents);
+  const SoilStrength strength = soil ? *soil : SoilStrength::of(*earthmoving().soil);
+  state_->cut_geometry(machine, height_map(), state_->cut);
+  return state_->cut.resistance(strength, crescents);
 }
 
 std::vector<double> Session::joint_loads(std::size_t machine, const Wrench& wrench) const {

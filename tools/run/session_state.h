@@ -117,6 +117,7 @@ struct Session::State : tools::SiteState {
   std::optional<std::int64_t> hauled = {};
   // Caches for readers; updates do not depend on them.
   std::optional<HeightMap> height_map = {};
+  CutGeometry cut = {};  // of the last resistance(), for its storage
   struct MeshHeights {
     explicit MeshHeights(Ground& ground) : surface(ground), changes(ground) { changes.take(); }
     SurfaceHeight surface;

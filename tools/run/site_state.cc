@@ -162,9 +162,8 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
     follow(made.back());
     if (!records_force || !step.motion || model_->machines[step.machine].bucket.shape) return;
     if (!heights_) heights_.emplace(*site.ground);
-    const Wrench force = cut_geometry(step.machine, *heights_)
-                             .resistance(SoilStrength::of(*model_->earthmoving.soil))
-                             .total();
+    cut_geometry(step.machine, *heights_, cut_);
+    const Wrench force = cut_.resistance(SoilStrength::of(*model_->earthmoving.soil)).total();
     std::array<double, 6>& six = made.back().force.emplace();
     std::copy_n(force.moment.data(), 3, std::copy_n(force.force.data(), 3, six.begin()));
   };

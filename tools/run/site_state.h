@@ -89,6 +89,7 @@ struct SiteState : Site {
   void require_same(std::size_t i, const io::JournalUpdate& update, const Update& made) const;
 
   std::optional<HeightMap> heights_;  // for forces
+  CutGeometry cut_;
 };
 
 }  // namespace soilvdb::tools

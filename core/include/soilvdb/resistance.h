@@ -71,11 +71,21 @@ Wrench turned(const Wrench& wrench, const Eigen::Quaterniond& rotation);
 /// ahead of it with the shape of the initial terrain.
 class CutGeometry {
  public:
+  /// Of no place: nothing resists.
+  CutGeometry() = default;
+  CutGeometry(HeightMap& map, const Ground& ground, const Bucket& bucket,
+              const Pose& world_from_bucket, const Vec3& way, double load_m3) {
+    read(map, ground, bucket, world_from_bucket, way, load_m3);
+  }
+
+  /// Takes another look. Allocates only where it needs more room than all looks before, and where
+  /// the map reads columns for the first time.
   /// @param map of the ground. @param way direction of the lip's motion, world; zero: ahead
   /// @param load_m3 in the bucket, as bank soil
-  /// @throw std::invalid_argument for a closed tool shape; std::runtime_error as HeightMap
-  CutGeometry(HeightMap& map, const Ground& ground, const Bucket& bucket,
-              const Pose& world_from_bucket, const Vec3& way, double load_m3);
+  /// @throw std::invalid_argument for a closed tool shape, and then it stays as it was; as
+  ///        HeightMap::lines(), and then it has no meaning
+  void read(HeightMap& map, const Ground& ground, const Bucket& bucket,
+            const Pose& world_from_bucket, const Vec3& way, double load_m3);
 
   /// The passive force of soil that fails ahead of the blade, strip by strip (wedge.h in core/force
   /// names the sources), and the other parts. Zero where the bucket leaves the soil: where
@@ -105,7 +115,13 @@ class CutGeometry {
     double length = 0;        // of the face in the ground, m
   };
 
-  CutGeometry() = default;  // for load()
+  struct Contact {
+    Vec3 at;
+    double area;               // m2
+    std::size_t heel, height;  // in heels_, heights_
+  };
+  struct Look;
+
   /// Calls each(value) for all numbers but those of strips, heights and heels.
   template <typename Geometry, typename Each>
   static void each_number(Geometry& of, const Each& each);
@@ -125,6 +141,7 @@ class CutGeometry {
   std::vector<Strip> strips_;
   std::vector<double> heights_;
   std::vector<Heel> heels_;
+  std::vector<Contact> contacts_;  // while it reads
 };
 
 }  // namespace soilvdb::inline v0

@@ -117,6 +117,8 @@ class Site {
   /// update.
   /// @param map of this site's ground. @throw std::invalid_argument before the machine's first
   ///        state, or for a closed tool; as HeightMap
+  /// @param out keeps its storage: CutGeometry::read()
+  void cut_geometry(std::size_t machine, HeightMap& map, CutGeometry& out) const;
   CutGeometry cut_geometry(std::size_t machine, HeightMap& map) const;
   /// The latest time of all machines.
   std::optional<double> last_s() const;

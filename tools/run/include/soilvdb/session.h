@@ -194,7 +194,8 @@ class Session {
   /// ground, pose, direction and load. Takes some microseconds.
   /// @throw std::invalid_argument before the machine's first state, or for a closed tool
   CutGeometry cut_geometry(std::size_t machine);
-  /// The force of the soil on a bucket, see CutGeometry::resistance().
+  /// The force of the soil on a bucket, see CutGeometry::resistance(). Allocates only where the
+  /// ground changed, or is looked at for the first time.
   /// @param soil null: that of the site. @throw as cut_geometry(); std::invalid_argument if soil is
   ///        rigid and none is given
   Resistance resistance(std::size_t machine, const SoilStrength* soil = nullptr,
