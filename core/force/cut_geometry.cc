@@ -260,12 +260,13 @@ struct CutGeometry::Look {
     // Side plates shield what is lower than they are.
     const double open =
         bucket.profile.empty() ? 1 : std::clamp((middle - top.y()) / middle, 0.0, 1.0);
-    for (const int side : {0, strips + 1}) {
+    const auto open_by = [&](int side) {
       const double beside = height(side, ahead);
-      of.open_sides_ +=
-          open * std::clamp((beside - lip_of(side).z()) / middle, 0.0, 1.0) *
-          std::clamp((kHighWall - beside / middle) / (kHighWall - kLowWall), 0.0, 1.0);
-    }
+      return open * std::clamp((beside - lip_of(side).z()) / middle, 0.0, 1.0) *
+             std::clamp((kHighWall - beside / middle) / (kHighWall - kLowWall), 0.0, 1.0);
+    };
+    of.open_right_ = open_by(0);
+    of.open_left_ = open_by(strips + 1);
   }
 
   void find_plates() {

@@ -12,7 +12,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint8_t kGeometryFormat = 1;
+constexpr std::uint8_t kGeometryFormat = 2;
 constexpr double kMostGeometry = 1e15;  // of any number: m, m2, m3
 constexpr double kMostFaceSteps = 1e6;  // steps of the heights along the blade, which cost time
 
@@ -48,8 +48,8 @@ void CutGeometry::each_number(Geometry& of, const Each& each) {
   for (auto* vector : {&of.way_, &of.ahead_, &of.plates_at_, &of.load_at_})
     for (auto& v : *vector) each(v);
   for (auto* v : {&of.strip_m_, &of.step_m_, &of.width_m_, &of.rake_rad_, &of.face_m_,
-                  &of.lip_share_, &of.plates_share_, &of.open_sides_, &of.edge_m_, &of.plate_m_,
-                  &of.plates_m2_, &of.load_m3_})
+                  &of.lip_share_, &of.plates_share_, &of.open_left_, &of.open_right_, &of.edge_m_,
+                  &of.plate_m_, &of.plates_m2_, &of.load_m3_})
     each(*v);
 }
 

@@ -98,10 +98,15 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
   all.rolled = rolled_;
   // The middle of the blade says whether soil may ride before it.
   BodyGuess body;
+  // Soil beside the blade pushes at its corners.
+  const double sides = open_left_ + open_right_;
+  const Vec3 beside = sides > 0 ? Vec3((open_left_ - open_right_) / sides * width_m_ / 2 *
+                                       (pose_.rotation * Vec3::UnitY()))
+                                : Vec3(Vec3::Zero());
   const auto slice_of = [&](const Strip& strip) {
     SoilSlice slice{strip.first_x, step_m_, std::span(heights_).subspan(strip.first, strip.count),
                     rake_rad_, face_m_};
-    slice.open_sides = crescents ? open_sides_ : 0;
+    slice.open_sides = crescents ? open_left_ + open_right_ : 0;
     slice.width = width_m_;
     return slice;
   };
@@ -119,7 +124,9 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       const WedgeForce wedge = wedge_force(slice_of(strip), soil, body);
       depth = wedge.depth;
       const Vec3 force = -strip_m_ * (wedge.ahead * ahead_ + wedge.up * up);
-      add(all.cut, force, strip.lip + wedge.arm * back);
+      const Vec3 of_sides = -strip_m_ * (wedge.side_ahead * ahead_ + wedge.side_up * up);
+      add(all.cut, force - of_sides, strip.lip + wedge.arm * back);
+      add(all.cut, of_sides, beside + wedge.arm * back);
       for (std::size_t i = 0; i < wedge.d_ahead.size(); ++i)
         by.col(static_cast<Eigen::Index>(i)) -=
             strip_m_ * (wedge.d_ahead[i] * ahead_ + wedge.d_up[i] * up);

@@ -132,6 +132,15 @@ class TrialWedge {
     const double along = rake_delta_.sine, upward = rake_delta_.cosine;
     force.ahead = p * along + stuck_ * rake_.cosine;
     force.up = p * upward - stuck_ * rake_.sine;
+    if (p > 0) {
+      const double side = ((soil_.unit_weight * (fg - 1) * at.area +
+                            slice_.surcharge * (fc - 1) * (at.x - face_.end_x)) *
+                               beta_phi.sine +
+                           cohesive_ * (fc - 1) * length) /
+                          beta_all.sine;
+      force.side_ahead = side * along;
+      force.side_up = side * upward;
+    }
     for (std::size_t i = 0; i < by.size(); ++i) {
       force.d_ahead[i] = by[i] * along;
       force.d_up[i] = by[i] * upward;
@@ -317,9 +326,10 @@ WedgeForce with_body(const SoilSlice& slice, const WedgeSoil& soil, double end_x
   force.d_ahead[1] += toe;
   if (force.up > 0) {  // it presses on the ground
     force.ahead += force.up * tangent;
+    force.side_ahead += force.side_up * tangent;
     for (std::size_t i = 0; i < force.d_up.size(); ++i) force.d_ahead[i] += tangent * force.d_up[i];
     force.d_ahead[2] += force.up * (1 + tangent * tangent);
-    force.up = 0;
+    force.up = force.side_up = 0;
     force.d_up.fill(0);
   }
   force.steep = true;

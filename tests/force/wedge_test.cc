@@ -295,6 +295,46 @@ TEST(Wedge, HasExactDerivatives) {
   EXPECT_GT(compared, 800);
 }
 
+/// A plane's force grows evenly with the soil beside it, and the least does as its plane does.
+TEST(Wedge, KnowsThePartOfSoilBesideIt) {
+  Draw draw{std::mt19937_64(6)};
+  int compared = 0, steep = 0;
+  for (int n = 0; n < 300; ++n) {
+    SCOPED_TRACE(n);
+    const Scene ground = n % 3 == 0 ? sloped(draw(0.1, 0.6), draw(-20, 20)) : draw.ground();
+    SoilSlice slice = ground.slice(draw(20, 100), draw(0.2, 1));
+    if (n % 4 == 0) slice.surcharge = draw(0, 5e3);
+    slice.open_sides = draw(0.2, 1.8);
+    slice.width = draw(0.3, 2);
+    const WedgeSoil s = draw.strength();
+    const WedgeForce force = wedge_force(slice, s);
+    const double d = 1e-4, sides = slice.open_sides;
+    slice.open_sides = sides + d;
+    const WedgeForce more = wedge_force(slice, s);
+    slice.open_sides = sides - d;
+    const WedgeForce less = wedge_force(slice, s);
+    if (force.ahead == 0 || more.steep != less.steep ||
+        std::abs(more.failure - less.failure) > 1e-3)
+      continue;  // to another ridge
+    const double by_side = sides * (more.ahead - less.ahead) / (2 * d);
+    if (force.steep) {  // a body's angle is found to 5e-4, on rough ground it jumps
+      if (n % 3 != 0) continue;
+      EXPECT_NEAR(force.side_ahead, by_side, 5e-3 * force.ahead);
+      ++steep;
+    } else {
+      EXPECT_NEAR(force.side_ahead, by_side, 1e-5 * force.ahead);
+      EXPECT_NEAR(force.side_up, sides * (more.up - less.up) / (2 * d), 1e-5 * force.ahead);
+      ++compared;
+    }
+    slice.open_sides = 0;
+    const WedgeForce alone = wedge_force(slice, s);
+    EXPECT_EQ(alone.side_ahead, 0);
+    EXPECT_EQ(alone.side_up, 0);
+  }
+  EXPECT_GT(compared, 150);
+  EXPECT_GT(steep, 5);
+}
+
 TEST(Wedge, GrowsWithItsSizeAndItsSoil) {
   Draw draw{std::mt19937_64(5)};
   for (int n = 0; n < 200; ++n) {

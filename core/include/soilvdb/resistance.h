@@ -91,7 +91,8 @@ class CutGeometry {
   /// names the sources), and the other parts. Zero where the bucket leaves the soil: where
   /// it moves off the ground ahead of its blade, back, or straight up; but for the load. Not
   /// modelled: rate, water, rock, teeth, and that loose soil is lighter and weaker than bank soil.
-  /// @param crescents soil beside a blade without side plates moves with it (McKyes and Ali 1977)
+  /// @param crescents soil beside a blade without side plates moves with it (McKyes and Ali 1977);
+  ///        its part of the force acts at the blade's corner on that side
   Resistance resistance(const SoilStrength& soil, bool crescents = true) const noexcept;
 
   const Pose& world_from_bucket() const { return pose_; }
@@ -132,7 +133,7 @@ class CutGeometry {
   double rake_rad_ = 0, face_m_ = 0;
   bool cuts_ = false;
   double lip_share_ = 0, plates_share_ = 0;  // of the pressure on edges, by their way
-  double open_sides_ = 0;
+  double open_left_ = 0, open_right_ = 0;    // how much of the soil beside moves along
   bool rolled_ = false;
   double edge_m_ = 0, plate_m_ = 0, plates_m2_ = 0;
   Vec3 plates_at_ = Vec3::Zero();
