@@ -59,7 +59,8 @@ struct BodyGuess {
 /// Clay and Rock Cutting Model); the lesser force counts.
 ///
 /// Guarantees: exact on the given ground but for rounding, a body within 1e-6. Derivatives are
-/// exact without a body; with one those of `ahead`. Zero where no soil is ahead. Does not allocate.
+/// exact without a body; with one those of `ahead`, but they err by up to a tenth where the body is
+/// about to be lifted off the ground. Zero where no soil is ahead. Does not allocate.
 /// @param guess from a slice beside it; saves most of the time for a steep blade
 WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess& guess) noexcept;
 inline WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil) noexcept {

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -101,14 +102,14 @@ Wrench in_world(const Resistance& r, const Eigen::Quaterniond& rotation) {
 /// The formula's force on a blade of this width: a search over 20 001 angles on exact geometry.
 TEST(Resistance, OfABladeIsThatOfTheFormulaAtAnyVoxelSize) {
   struct Case {
-    double rake, slope_deg, width, ahead, up, moment;
+    double rake, slope_deg, width, ahead, up, moment, angle_deg;
     bool crescents;
   };
-  for (const Case& c : std::vector<Case>{{60, 0, 1.2, 10296.96, 1815.63, 1563.33, false},
-                                         {60, 15, 1.2, 14955.91, 2637.13, 1980.11, false},
-                                         {60, -15, 1.2, 7327.03, 1291.95, 1309.61, false},
-                                         {60, 0, 1.2, 14652.55, 2583.64, 2236.30, true},
-                                         {60, 0, 0.3, 26659.96, 4700.87, 4096.35, true}}) {
+  for (const Case& c : std::vector<Case>{{60, 0, 1.2, 10296.96, 1815.63, 1563.33, 34.045, false},
+                                         {60, 15, 1.2, 14955.91, 2637.13, 1980.11, 42.363, false},
+                                         {60, -15, 1.2, 7327.03, 1291.95, 1309.61, 24.833, false},
+                                         {60, 0, 1.2, 14652.55, 2583.64, 2236.30, 38.628, true},
+                                         {60, 0, 0.3, 26659.96, 4700.87, 4096.35, 42.728, true}}) {
     for (const double voxel_m : {0.1, 0.05, 0.025}) {
       SCOPED_TRACE(testing::Message() << c.rake << " " << c.slope_deg << " " << voxel_m);
       Dig dig(voxel_m, make_plane(0.3, {std::tan(c.slope_deg * kDeg), 0}), blade(c.width));
@@ -121,6 +122,7 @@ TEST(Resistance, OfABladeIsThatOfTheFormulaAtAnyVoxelSize) {
       EXPECT_NEAR(cut.force.z(), -c.up * c.width, bound);
       EXPECT_NEAR(cut.moment.y(), -c.moment * c.width, bound);
       EXPECT_NEAR(r.depth_m, 0.3, 1e-3);
+      EXPECT_NEAR(r.angle_rad / kDeg, c.angle_deg, 0.1);
       EXPECT_FALSE(r.steep || r.open || r.pressed);
     }
   }
@@ -297,6 +299,84 @@ TEST(Resistance, OfTheDirectionOfTheLastUpdateStaysInClonesAndStates) {
   EXPECT_EQ(dig.site.direction(0), Vec3::Zero());
 }
 
+/// Lip and ground are rolled alike. In an upright slice the blade is then steeper, and the lip is
+/// as wide as its plan.
+TEST(Resistance, OfARolledBladeIsThatOfItsUprightSlice) {
+  const double roll = 0.4, rake = 55 * kDeg, steeper = std::atan(std::tan(rake) / std::cos(roll));
+  const auto force = [](double roll_rad, double rake_rad, double width_m) {
+    Dig dig(0.05, make_plane(0.3, {0, std::tan(roll_rad)}), blade(width_m));
+    const Eigen::Quaterniond turn = Eigen::AngleAxisd(roll_rad, Vec3::UnitX()) *
+                                    Eigen::AngleAxisd(rake_rad - kPi / 2, Vec3::UnitY());
+    const CutGeometry cut(dig.heights, *dig.ground, blade(width_m), {Vec3::Zero(), turn},
+                          Vec3::UnitX(), 0);
+    return in_world(cut.resistance(kLoam, false), turn).force;
+  };
+  const Vec3 rolled = force(roll, rake, 1.2), level = force(0, steeper, 1.2 * std::cos(roll));
+  EXPECT_LT((rolled - level).norm(), 1e-3 * level.norm());
+  // Where only one corner is deep, the ground before that is looked at.
+  Dig dig(0.05, make_plane(0, {0, 0}), blade(4));
+  const CutGeometry cut(dig.heights, *dig.ground, blade(4),
+                        {Vec3(0, 0, -0.05), from_rpy(0.3, -0.5, 0)}, Vec3::UnitX(), 0);
+  const Resistance r = cut.resistance(kLoam, false);
+  EXPECT_LT(r.cut.force.x(), 0);
+  EXPECT_FALSE(r.open);
+}
+
+/// The lip presses as it goes into the soil along the blade: with all of its force from a sine of
+/// 0.17 on. Side plates do as they go ahead, at half their length in the soil.
+TEST(Resistance, OfBluntEdgesIsByTheirWay) {
+  Bucket blunt = blade();
+  blunt.edge_m = 0.02;
+  Dig dig(0.05, make_plane(0.3, {0, 0}), blunt);
+  const Pose there{Vec3::Zero(), lean(60)};
+  const auto edge = [&](double rise_deg) {
+    const Vec3 way(std::cos(rise_deg * kDeg), 0, std::sin(rise_deg * kDeg));
+    const CutGeometry cut(dig.heights, *dig.ground, blunt, there, way, 0);
+    return Vec3(-turned(cut.resistance(kLoam, false).edge, lean(60)).force / 9715);
+  };
+  for (const double rise_deg : {-40., 0., 25., 28., 35.}) {
+    const double share = std::clamp(std::cos((60 + rise_deg) * kDeg) / 0.17, 0.0, 1.0);
+    const Vec3 way(std::cos(rise_deg * kDeg), 0, std::sin(rise_deg * kDeg));
+    EXPECT_LT((edge(rise_deg) - share * way).norm(), 1e-3) << rise_deg;
+  }
+  Bucket plates = bucket();
+  plates.plate_m = 0.03;
+  const CutGeometry cut(dig.heights, *dig.ground, plates, {Vec3::Zero(), from_rpy(0, 0, 0)},
+                        Vec3::UnitX(), 0);
+  const Wrench edges = cut.resistance(kLoam, false).edge;
+  const double pressure = 10e3 * 30.140 + 18e3 * (0.15 * 18.401 + 0.03 * 22.402 / 2);
+  EXPECT_NEAR(edges.force.x(), -pressure * 2 * 0.03 * 0.3, 5);
+  EXPECT_NEAR(edges.moment.y(), 0.15 * edges.force.x(), 1e-6 * pressure);
+}
+
+/// Side plates that reach above the ground keep soil beside them out.
+TEST(Resistance, OfABucketWithPlatesHasNoCrescents) {
+  Dig dig(0.05, make_plane(0.3, {0, 0}), bucket());
+  const auto force = [&](const Bucket& of, bool crescents) {
+    const CutGeometry cut(dig.heights, *dig.ground, of, {Vec3::Zero(), from_rpy(0, 0.3, 0)},
+                          Vec3::UnitX(), 0);
+    return cut.resistance(kLoam, crescents).cut.force;
+  };
+  EXPECT_EQ(force(bucket(), true), force(bucket(), false));
+  Bucket low = bucket();
+  low.height_m = 0.1;
+  EXPECT_LT(force(low, true).x(), 1.1 * force(low, false).x());
+}
+
+/// A load smaller than the wedge's part above the blade is all counted there.
+TEST(Resistance, NeverLiftsTheBucketByItsLoad) {
+  Dig dig(0.05, make_plane(0.3, {0, 0}), blade());
+  const auto load = [&](double load_m3) {
+    const CutGeometry cut(dig.heights, *dig.ground, blade(), {Vec3::Zero(), lean(45)},
+                          Vec3::UnitX(), load_m3);
+    return in_world(cut.resistance(kLoam, false), lean(45)).force.z() -
+           turned(cut.resistance(kLoam, false).cut, lean(45)).force.z();
+  };
+  const double above = 1.2 * 0.3 * 0.3 / 2;
+  EXPECT_NEAR(load(above / 10), 0, 1e-6);
+  EXPECT_NEAR(load(above * 2), -18e3 * above, 0.02 * 18e3 * above);
+}
+
 /// Pressure on a blunt edge of 20 mm at a depth of 0.3 m: 4413, 9715, 15 592, 26 867 N.
 TEST(Resistance, OfABluntEdgeIsItsBearingCapacity) {
   for (const auto& [friction_deg, expected] : {std::pair(20., 4413.), std::pair(30., 9715.),
@@ -326,6 +406,14 @@ TEST(Resistance, PressesOnAFloorThatDescendsBackwards) {
   EXPECT_LT(heel.heel.force.x(), 0);  // at right angles to the floor
   EXPECT_NEAR(heel.heel.force.z(), -5 * heel.heel.force.x(), 1e-6 * heel.heel.force.norm());
   EXPECT_EQ(heel.cut.force, Vec3::Zero());
+  // A footing as long as the floor, at its mean depth.
+  const double length = std::hypot(0.5, 0.1);
+  const double pressure = 10e3 * 30.140 + 18e3 * (0.35 * 18.401 + length * 22.402 / 2);
+  EXPECT_NEAR(heel.heel.force.norm(), pressure * 1.2 * length, 0.02 * pressure * 1.2 * length);
+  Dig whole(0.05, make_plane(0, {0, 0}), low);  // not dug
+  const CutGeometry cut(whole.heights, *whole.ground, low, {Vec3(0, 0, -0.3), from_rpy(0, 0, 0)},
+                        Vec3::UnitX(), 0);
+  EXPECT_FALSE(cut.resistance(kLoam).pressed);
   EXPECT_FALSE(at(0.4).pressed);
 }
 
@@ -429,6 +517,14 @@ TEST(CutGeometry, ResistsAlikeAfterItWasBytes) {
            {std::size_t{0}, std::size_t{1}, bytes.size() / 2, bytes.size() - 1})
         EXPECT_THROW(CutGeometry::load(bytes.substr(0, size)), std::invalid_argument) << size;
       EXPECT_THROW(CutGeometry::load(bytes + "0"), std::invalid_argument);
+      for (std::size_t at = 0; at < 400; ++at) {  // an absurd number of anything is no other error
+        std::string bad = bytes;
+        bad.replace(at, 8, std::string("\0\0\0\0\0\0\0\x10", 8));
+        try {
+          CutGeometry::load(bad);
+        } catch (const std::invalid_argument&) {
+        }
+      }
       EXPECT_THROW(CutGeometry::load("\1" + bytes.substr(1)), std::invalid_argument);
     }
   }

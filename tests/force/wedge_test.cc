@@ -295,6 +295,44 @@ TEST(Wedge, HasExactDerivatives) {
   EXPECT_GT(compared, 800);
 }
 
+/// On even ground, in weak soil, whose body presses on the ground; its angle errs by up to 5e-4.
+TEST(Wedge, HasDerivativesOfABodyOfSoil) {
+  Draw draw{std::mt19937_64(7)};
+  int steep = 0;
+  for (int n = 0; n < 100; ++n) {
+    SCOPED_TRACE(n);
+    const Scene ground = sloped(draw(0.1, 0.6), draw(-10, 10));
+    const SoilSlice slice = ground.slice(draw(85, 115), 2);
+    WedgeSoil s = soil(draw(12e3, 21e3), draw(0, 1e3), draw(20, 40), draw(5, 20));
+    const WedgeForce force = wedge_force(slice, s);
+    if (!force.steep) continue;
+    ++steep;
+    double* const members[] = {&s.unit_weight, &s.cohesion, &s.friction};
+    for (int k = 0; k < 3; ++k) {
+      const double at = *members[k], d = 0.01 * at;
+      *members[k] = at + d;
+      const double more = wedge_force(slice, s).ahead;
+      *members[k] = at - d;
+      const double less = wedge_force(slice, s).ahead;
+      *members[k] = at;
+      const double by = (more - less) / (2 * d);
+      EXPECT_NEAR(force.d_ahead[static_cast<std::size_t>(k)], by, 5e-3 * std::abs(by)) << k;
+    }
+  }
+  EXPECT_GT(steep, 50);
+}
+
+/// Where the ground that is known ends, so do planes.
+TEST(Wedge, EndsWhereTheHeightsDo) {
+  const Scene ground = scene([](double) { return 0.3; }, 0.05, 0.2);
+  const WedgeForce force = wedge_force(ground.slice(90), soil(18e3, 0, 30, 0));
+  const double beta = std::atan2(0.3, 0.2), area = 0.3 * 0.2 / 2;
+  EXPECT_NEAR(force.ahead, 18e3 * area * std::sin(beta + 30 * kDeg) / std::sin(beta + 120 * kDeg),
+              1e-6);
+  EXPECT_TRUE(force.open);
+  EXPECT_NEAR(force.failure, beta, 1e-9);
+}
+
 /// A plane's force grows evenly with the soil beside it, and the least does as its plane does.
 TEST(Wedge, KnowsThePartOfSoilBesideIt) {
   Draw draw{std::mt19937_64(6)};

@@ -43,8 +43,9 @@ struct Resistance {
   Wrench load;  ///< weight of the load, without what the wedge counts above the blade
   Wrench heel;  ///< of faces of the body that press on the ground
   /// Derivatives of total().force by density (per kg/m3), cohesion and adhesion (per Pa), friction
-  /// and tool friction (per rad), in the order of SoilStrength. Without that of a body's vertical
-  /// force by its face's angle.
+  /// and tool friction (per rad), in the order of SoilStrength. Before a steep blade rough: without
+  /// that of a body's vertical force by its face's angle, and a tenth off where it is about to be
+  /// lifted off the ground.
   Eigen::Matrix<double, 3, 5> by_strength = Eigen::Matrix<double, 3, 5>::Zero();
   double angle_rad = 0;  ///< of the failure planes with the way ahead, mean by force
   double depth_m = 0;    ///< of the lip below the ground, mean over its width
@@ -90,7 +91,8 @@ class CutGeometry {
   /// The passive force of soil that fails ahead of the blade, strip by strip (wedge.h in core/force
   /// names the sources), and the other parts. Zero where the bucket leaves the soil: where
   /// it moves off the ground ahead of its blade, back, or straight up; but for the load. Not
-  /// modelled: rate, water, rock, teeth, and that loose soil is lighter and weaker than bank soil.
+  /// modelled: rate, water, rock, teeth, that loose soil is lighter and weaker than bank soil, and
+  /// that friction on a blade which rises more steeply than the failure plane is reversed.
   /// @param crescents soil beside a blade without side plates moves with it (McKyes and Ali 1977);
   ///        its part of the force acts at the blade's corner on that side
   Resistance resistance(const SoilStrength& soil, bool crescents = true) const noexcept;
