@@ -6,6 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "core/constants.h"
 #include "core/lattice/text.h"
@@ -13,17 +14,18 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-void require_given(bool good, const std::string& what) {
-  if (!good) throw std::invalid_argument(what);
+void require_given(bool good, std::string_view what) {
+  if (!good) throw std::invalid_argument(std::string(what));
 }
 
 /// An angle, from 0 on or more than 0.
-void check_angle(const std::string& name, double angle_rad, bool zero_is_good) {
+void check_angle(std::string_view name, double angle_rad, bool zero_is_good) {
   constexpr double kRightAngle = std::numbers::pi / 2;
   if ((angle_rad > 0 || (zero_is_good && angle_rad == 0)) && angle_rad < kRightAngle) return;
   const bool degrees = angle_rad > kRightAngle && angle_rad < 90;
-  require_given(false, name + " is " + text(angle_rad, 6) + "; it must be in radians, " +
-                           (zero_is_good ? "at least" : "more than") + " 0 and less than 1.5708" +
+  require_given(false, std::string(name) + " is " + text(angle_rad, 6) +
+                           "; it must be in radians, " + (zero_is_good ? "at least" : "more than") +
+                           " 0 and less than 1.5708" +
                            (degrees ? ": " + text(angle_rad, 6) + " degrees are " +
                                           text(angle_rad * kRightAngle / 90, 3)
                                     : ""));
@@ -34,11 +36,13 @@ void check_given(const SoilProperties& soil) {
   check_angle("the angle of repose", soil.repose_rad, /*zero_is_good=*/false);
   if (soil.friction_rad)
     check_angle("the angle of friction", *soil.friction_rad, /*zero_is_good=*/true);
-  require_given(soil.swell >= 0 && soil.swell <= kMaxSwell,
-                "swell is " + text(soil.swell, 6) +
-                    "; it must be loose over bank volume less 1, a share from 0 to 3");
-  require_given(soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
-                "density is " + text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
+  // Every force checks its soil: no text of what is good.
+  if (!(soil.swell >= 0 && soil.swell <= kMaxSwell))
+    require_given(false, "swell is " + text(soil.swell, 6) +
+                             "; it must be loose over bank volume less 1, a share from 0 to 3");
+  if (!(soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3)))
+    require_given(false,
+                  "density is " + text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
   const double cohesion_pa = soil.cohesion_pa.value_or(0);
   require_given(cohesion_pa >= 0 && std::isfinite(cohesion_pa), "cohesion must be 0 or more");
   if (soil.tool_friction_rad)

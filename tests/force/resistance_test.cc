@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "soilvdb/session.h"
 #include "soilvdb/site.h"
 #include "soilvdb/tool_shape.h"
 
@@ -581,6 +582,22 @@ TEST(CutGeometry, LooksAgainInTheSameStorage) {
   EXPECT_THROW(used.read(dig.heights, *dig.ground, closed, {}, Vec3::Zero(), 0),
                std::invalid_argument);
   EXPECT_TRUE(used.save() == before);
+}
+
+TEST(Session, AsksForAForceWithoutAllocating) {
+  Earthmoving soil;
+  soil.soil = SoilProperties{};
+  soil.soil->repose_rad = 0.6;
+  soil.soil->swell = 0.25;
+  Session session({.voxel_size_m = 0.05, .machines = {{"digger", bucket()}}, .earthmoving = soil});
+  for (const double x : {-1., -0.5, 0.})
+    ASSERT_TRUE(
+        session.update({.machine = 0, .pose = {Vec3(x, 0, -0.3), from_rpy(0, 0.3, 0)}}).ok());
+  const Vec3 first = session.resistance(0).total().force;
+  const std::size_t before = allocations;
+  EXPECT_EQ(session.resistance(0).total().force, first);
+  EXPECT_LT(session.resistance(0, &kLoam).cut.force.x(), 0);
+  EXPECT_EQ(allocations, before);
 }
 
 TEST(Strength, TakesWhatTheSoilOfASiteSays) {
