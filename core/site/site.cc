@@ -342,8 +342,12 @@ StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noex
 StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
   return guarded<StepResult>([&](bool& moving) {
     survey = {};
+    if (!survey_) {
+      survey.lip_errors_m = new_survey()->lip_errors_m();
+      return StepResult();
+    }
     const Surveyed before = tracker_->surveyed();
-    const bool is_news = this->survey().has_news();
+    const bool is_news = survey_->has_news();
     const std::vector<SurveyChange> changes = survey_->solve();
     moving = true;
     tracker_->correct(changes);
@@ -366,6 +370,7 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
 }
 
 void Site::repeat_scans(std::string_view record) {
+  if (record.empty()) return;  // of scans without a ray that counts
   std::uint64_t count = 0;
   take(record, count);
   std::vector<SurveyChange> changes;

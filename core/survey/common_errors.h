@@ -38,7 +38,9 @@ class CommonErrors {
   /// @param sees a - b
   void add(const ColumnResidual& column, const Eigen::VectorXd& sees) {
     const double weight = 1 / (column.variance + 1 / column.weight);
-    information_.noalias() += weight * sees * sees.transpose();
+    const Eigen::VectorXd weighted = weight * sees;
+    for (Eigen::Index i = 0; i < sees.size(); ++i)  // most sensors saw nothing of it
+      if (sees[i] != 0) information_.col(i) += sees[i] * weighted;
     sum_ += weight * column.residual * sees;
   }
   void solve() {

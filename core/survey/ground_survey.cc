@@ -191,7 +191,7 @@ void SurveyState::require_room(std::span<const Vec3> points_m) const {
         " voxels, and with this one see more; leave far points out, or take larger voxels");
 }
 
-int SurveyState::sensor_of(const Sensor& sensor) {
+std::optional<int> SurveyState::known(const Sensor& sensor) const {
   for (std::size_t n = 0; n < sensors.size(); ++n)
     if (sensors[n].name == sensor.name) {
       const auto sigmas = [](const Sensor& s) {
@@ -206,6 +206,12 @@ int SurveyState::sensor_of(const Sensor& sensor) {
     throw std::invalid_argument("sensor '" + sensor.name + "': there were " +
                                 std::to_string(kMostSensors) +
                                 " others; give a sensor one name, not one for each scan");
+  return {};
+}
+
+int SurveyState::sensor_of(const Sensor& sensor) {
+  if (const std::optional<int> number = known(sensor)) return *number;
+  is_solved = false;  // so that it is recorded, also if its scan has no rays
   sensors.push_back(sensor);
   sensors.back().pose = {};  // which scans of one name need not share
   set_places();
@@ -241,22 +247,28 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
     if (!((points_m[i] - from).norm() <= kMostScanRangeM))
       throw std::invalid_argument("point " + std::to_string(i) + " must be numbers, and within " +
                                   text(kMostScanRangeM) + " m of the sensor");
-  state_->refresh(false);
   state_->require_room(points_m);
-  state_->add_rays(sensor, state_->sensor_of(sensor), points_m, poses);
+  const bool is_known = state_->known(sensor).has_value();
+  const std::vector<Vec3> ends = state_->unmasked(sensor, points_m, poses);
+  // When the ground is read shows in what is known of it: only what will be recorded reads it.
+  if (is_known && ends.empty()) return;
+  state_->refresh(false);
+  state_->add_rays(sensor, state_->sensor_of(sensor), ends);
 }
 
 std::vector<SurveyChange> GroundSurvey::solve() {
+  if (state_->is_solved) return {};
   state_->refresh(false);
   return state_->solve();
 }
 
 Survey GroundSurvey::applied() {
   SurveyState& s = *state_;
-  s.refresh(true);
-  if (std::exchange(s.has_corrected, false))
+  if (std::exchange(s.has_corrected, false)) {
+    s.refresh(true);
     s.telling = {std::exchange(s.is_first, false), std::exchange(s.untold, {}),
                  std::exchange(s.untold_blocks, {})};
+  }
   Survey survey;
   survey.sigma_m3 = s.sigma_m3;
   survey.lip_errors_m = lip_errors_m();

@@ -230,8 +230,8 @@ void SurveyState::see_through() {
   through.clear();
 }
 
-void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec3> points_m,
-                           std::span<const Pose* const> poses) {
+std::vector<Vec3> SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
+                                        std::span<const Pose* const> poses) {
   struct Body {
     Eigen::AlignedBox3d box;
     Eigen::Matrix3d rotation;  // bucket from world
@@ -244,19 +244,23 @@ void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec
     bodies.push_back({body_of(buckets[m]), inverse.rotation.toRotationMatrix(), inverse.position,
                       inverse * sensor.pose.position});
   }
-  std::vector<Vec3> ends, ways;
+  std::vector<Vec3> ends;
   for (const Vec3& point : points_m) {
     const bool masked = std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
       return meets(body.box, body.from, body.rotation * point + body.offset);
     });
-    const Vec3 way = point - sensor.pose.position;
     if (masked) {
       ++rays.masked;
-    } else if (way.squaredNorm() > 0) {
+    } else if ((point - sensor.pose.position).squaredNorm() > 0) {
       ends.push_back(point);
-      ways.push_back(way);
     }
   }
+  return ends;
+}
+
+void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec3> ends) {
+  std::vector<Vec3> ways;
+  for (const Vec3& end : ends) ways.push_back(end - sensor.pose.position);
   std::vector<double> ranges(ways.size());
   map.cast(std::span(&sensor.pose.position, 1), ways, ranges);
   is_solved = is_solved && ends.empty();

@@ -389,6 +389,7 @@ void GroundSurvey::load(std::string_view& in) {
     for (Eigen::Index n = 0; is_solved && n < known_errors; ++n)
       state.solved[to[static_cast<std::size_t>(n)]] = take_finite(in);
   }
+  s.through.clear();  // a snapshot may have scans that were applied since
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     ThroughRay& ray = s.through.emplace_back();
     take(in, ray.time);

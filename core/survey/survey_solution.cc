@@ -641,7 +641,7 @@ SurveyState::Tiles SurveyState::moved() {
 /// Only the tiles of which scans told something are corrected, so that it costs as much as these,
 /// whatever was ever scanned. Others are when the common errors have become others.
 std::vector<SurveyChange> SurveyState::solve() {
-  if (std::exchange(is_solved, true)) return {};
+  is_solved = true;
   take_votes();
   Tiles now = news;
   Tiles others;
@@ -664,11 +664,13 @@ std::vector<SurveyChange> SurveyState::solve() {
   for (const auto& cell : now)
     for (const auto& [block, part] : marked(cell).parts) seen_blocks.insert(block);
   for (const Block& block : seen_blocks) {
+    Eigen::VectorXd& solved = blocks[block].solved;
     const std::vector<SurveyTile*> reached = tiles_of(block);
-    if (!std::all_of(reached.begin(), reached.end(),
-                     [&](const SurveyTile* tile) { return now.contains(mark(tile->cell)); }))
-      continue;
-    blocks[block].solved = errors.mean();
+    const bool all = std::all_of(reached.begin(), reached.end(), [&](const SurveyTile* tile) {
+      return now.contains(mark(tile->cell));
+    });
+    if (solved.size() > 0 && !all) continue;  // some of its columns were corrected before
+    solved = errors.mean();
     untold_blocks.insert(block);
   }
   VolumeError error(errors);

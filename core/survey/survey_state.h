@@ -55,11 +55,15 @@ struct SurveyState {
   const SurveyTile& look(const Coord2& cell, std::optional<SurveyTile>& own);
   /// @throw std::invalid_argument if too many tiles would be seen
   void require_room(std::span<const Vec3> points_m) const;
+  /// A sensor's number, if there was a scan of it. @throw std::invalid_argument if it may not scan
+  std::optional<int> known(const Sensor& sensor) const;
   int sensor_of(const Sensor& sensor);
 
   // scan_rays.cc
-  void add_rays(const Sensor& sensor, int number, std::span<const Vec3> points_m,
-                std::span<const Pose* const> poses);
+  /// The ends of rays that meet no bucket; counts the others.
+  std::vector<Vec3> unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
+                             std::span<const Pose* const> poses);
+  void add_rays(const Sensor& sensor, int number, std::span<const Vec3> ends);
 
   // survey_solution.cc
   /// Variance of a column's own height, before any scan, m^2.
@@ -96,7 +100,7 @@ struct SurveyState {
   bool is_met(const Vec3& end) const;
   void see_through();
   void take_votes();
-  std::vector<SurveyChange> solve();
+  std::vector<SurveyChange> solve();  // of news
 
   int block_side() const {
     return std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
@@ -112,7 +116,7 @@ struct SurveyState {
   struct BlockState {
     Retired retired = {};
     std::optional<BlockSums> sums = {};  // of its tiles' parts, if it has some
-    /// The common errors with which all of its columns were last corrected; empty: none yet.
+    /// The common errors since which its columns were corrected; empty: none was yet.
     Eigen::VectorXd solved = {};
   };
   /// Columns of some tiles that scans told something of.

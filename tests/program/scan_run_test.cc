@@ -93,6 +93,14 @@ TEST_F(ScanRun, GoesOnFromAnyPlace) {
   }
 }
 
+// A scan may see nothing but the bucket.
+TEST_F(ScanRun, GoesOnAfterScansWithoutRays) {
+  write_file(folder() / "bucket.csv", "x,y,z\n4,3,2.3\n4.01,3,2.3\n");
+  write(std::string(kScans) + "  - {sensor: mast, file: bucket.csv, time: 4.95, frame: world}\n");
+  run_part(0.99);
+  expect_goes_on_to_the_same();
+}
+
 TEST_F(ScanRun, TakesWhatIsKnownOfTheLip) {
   write(kScans, "    known: {lip: 0.001}\n");
   good("run dig.yaml");

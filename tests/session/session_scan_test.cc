@@ -89,6 +89,105 @@ TEST_P(SessionScans, GoOnFromWhereTheyWereRecorded) {
   }
 }
 
+// What is not recorded, because no ray came, may not show in what comes later.
+TEST_P(SessionScans, WithoutRaysTellNothing) {
+  const auto nothing = [](Session& session) {
+    Survey survey;
+    EXPECT_TRUE(session.scan(kAbove, {}).ok());
+    EXPECT_TRUE(session.apply_scans(survey).ok());
+    Sensor refused = kAbove;
+    refused.range_sigma_m = 0.5;
+    const std::vector<Vec3> points = {{0, 0, 0}};
+    EXPECT_FALSE(session.scan(refused, points).ok());
+  };
+  Session with(site()), without(site());
+  Survey survey;
+  EXPECT_TRUE(with.apply_scans(survey).ok());  // before any
+  for (double at = 0; at < 0.99; at += 0.1) {
+    work(with, part(states(), at, at + 0.1), 1);
+    work(without, part(states(), at, at + 0.1), 1);
+    if (at > 0.15) nothing(with);
+  }
+  EXPECT_EQ(with.save(), without.save());
+}
+
+// An empty scan tells from when on it is known which machine dug, and which sensors there are.
+TEST_P(SessionScans, ThatAreEmptyAreRecordedIfTheirSensorIsNew) {
+  const TempFolder temp;
+  const auto begin = [](Session& session) {
+    Survey survey;
+    EXPECT_TRUE(session.scan(kAbove, {}).ok());
+    EXPECT_TRUE(session.apply_scans(survey).ok());
+    feed(session, part(states(), 0, 0.3));
+  };
+  Session never_stopped(site());
+  begin(never_stopped);
+  {
+    Session session(site());
+    session.record({.folder = temp / "site"});
+    begin(session);
+    session.flush();
+  }
+  Session session(site());
+  session.record({.folder = temp / "site"});
+  EXPECT_EQ(session.save(), never_stopped.save());
+}
+
+// A snapshot may have scans in it that a correction after it has used.
+TEST_P(SessionScans, GoOnFromSnapshotsBetweenScansAndTheirCorrection) {
+  const TempFolder temp;
+  const auto all = [](Session& session) {
+    work(session, part(states(), 0, 0.3), 1);
+    for (std::uint64_t n = 0; n < 3; ++n)
+      ASSERT_TRUE(session.scan(kAbove, seen(session, 0.3, n)).ok());
+    feed(session, part(states(), 0.3, 0.5));
+    Survey survey;
+    ASSERT_TRUE(session.apply_scans(survey).ok());
+    EXPECT_GT(survey.rays.through, 0);
+  };
+  const Recording recording{.folder = temp / "site", .snapshot_every_s = 2};
+  Session never_stopped(site());
+  all(never_stopped);
+  {
+    Session session(site());
+    session.record(recording);
+    all(session);
+    session.flush();
+  }
+  Session session(site());
+  session.record(recording);
+  EXPECT_EQ(session.save(), never_stopped.save());
+}
+
+// A correction may be made before a machine comes, and after.
+TEST_P(SessionScans, GoOnWhenMachinesCome) {
+  const TempFolder temp;
+  const Recording recording{.folder = temp / "site", .snapshot_every_s = 4};
+  Session never_stopped(site());
+  std::optional<Session> session;
+  const auto resume = [&] {
+    session.emplace(site());
+    session->record(recording);
+  };
+  resume();
+  for (int n = 0; n < 5; ++n) {
+    for (Session* each : {&never_stopped, &*session}) {
+      if (n % 2 == 1)
+        each->change_list(
+            "machines",
+            fmt::format(R"({{"add": {{"name": "m{}", "bucket": {{"width": 1, "height": 0.8}},
+                            "known": {{"lip": {}}}}}}})",
+                        n, 0.01 * n));
+      work(*each, part(states(), 0.2 * n, 0.2 * (n + 1)), 1);
+    }
+    ASSERT_EQ(session->save(), never_stopped.save()) << n;
+    session->flush();
+    session.reset();
+    resume();
+    ASSERT_EQ(session->save(), never_stopped.save()) << n;
+  }
+}
+
 // A correction tells and costs what its scans saw, not what was ever scanned.
 TEST(SiteScans, AreRecordedByWhatTheySaw) {
   Site site(std::make_shared<Ground>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
@@ -109,13 +208,28 @@ TEST(SiteScans, AreRecordedByWhatTheySaw) {
 }
 
 // What a scan tells of a lip corrects what that lip dug elsewhere, and was seen before by a sensor
-// that could not tell its own error from the lip's.
-TEST(SiteScans, CorrectEarlierGroundWhenALipIsKnownBetter) {
+// that could not tell its own error from the lip's: also in parts, and on ground that was scanned.
+class LipsKnownBetter : public ::testing::TestWithParam<bool> {};
+
+TEST_P(LipsKnownBetter, CorrectEarlierGround) {
   constexpr double kError_m = 0.03, kSide_m = 2, kDepth_m = 0.3;
   Site site(std::make_shared<Ground>(0.05, Vec3::Zero(), make_plane(0, {0, 0})),
             {{{"plate", Bucket{kSide_m, 0.6, {}, 0.8}, {}, 0.02}}});
   double time_s = 0;
   const std::vector<double> places = {0, 20};
+  const auto apply = [&](const Sensor& sensor, const std::vector<Vec3>& points) {
+    EXPECT_TRUE(site.scan(sensor, points).ok());
+    Survey survey;
+    EXPECT_TRUE(site.apply_scans(survey).ok());
+    return survey.removed_m3 - survey.added_m3;
+  };
+  const int parts = GetParam() ? 4 : 1;
+  if (GetParam()) {
+    std::vector<Vec3> points;
+    for (double x = -2; x < 4; x += 0.03)
+      for (double y = -3; y < 3; y += 0.03) points.emplace_back(x, y, 0);
+    EXPECT_EQ(apply(above(1), points), 0);
+  }
   for (const double place : places) {
     ASSERT_TRUE(
         site.place({.machine = 0, .time_s = ++time_s, .pose = {{place, 0, 1}, {1, 0, 0, 0}}}).ok());
@@ -134,16 +248,17 @@ TEST(SiteScans, CorrectEarlierGroundWhenALipIsKnownBetter) {
     sensor.name = std::to_string(place);
     sensor.mount_height_sigma_m = mount_sigma_m;
     sensor.mount_tilt_sigma_rad = sensor.mount_scale_sigma = 1e-5;
-    std::vector<Vec3> points;
-    for (double y = -0.85; y < 0.9; y += 0.02)
-      for (double x = 0.2; x < 1.8; x += 0.02) {
-        points.emplace_back(place + x, y, -kDepth_m - kError_m);
-        if (sees_natural) points.emplace_back(place + x, y + 3, 0);
-      }
-    EXPECT_TRUE(site.scan(sensor, points).ok());
-    Survey survey;
-    EXPECT_TRUE(site.apply_scans(survey).ok());
-    return survey.removed_m3 - survey.added_m3;
+    double net_m3 = 0;
+    for (int part = 0; part < parts; ++part) {
+      std::vector<Vec3> points;
+      for (double y = -0.85; y < 0.9; y += 0.02)
+        for (double x = 0.2 + 1.6 * part / parts; x < 0.2 + 1.6 * (part + 1) / parts; x += 0.02) {
+          points.emplace_back(place + x, y, -kDepth_m - kError_m);
+          if (sees_natural) points.emplace_back(place + x, y + 3, 0);
+        }
+      net_m3 += apply(sensor, points);
+    }
+    return net_m3;
   };
   const double all_m3 = 1.6 * 1.75 * kError_m;
   const double first = scan(places[0], 0.05, false);
@@ -164,6 +279,7 @@ TEST(SiteScans, SayThatAMachineIsMissing) {
               testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr(
                   "is of 2 machines, and the site has 1; with scans machines stay")));
 }
+INSTANTIATE_TEST_SUITE_P(InParts, LipsKnownBetter, ::testing::Bool());
 
 TEST_P(SessionScans, AreBookedAndLeaveLoads) {
   Session session(site());
