@@ -334,7 +334,9 @@ StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noex
     std::vector<const Pose*> poses;
     for (const std::optional<Input>& input : inputs_)
       poses.push_back(input ? &input->pose : nullptr);
-    survey().scan(sensor, points_m, poses);
+    auto begun = survey_ ? nullptr : new_survey();  // a scan that is refused begins none
+    (begun ? *begun : *survey_).scan(sensor, points_m, poses);
+    if (begun) survey_ = std::move(begun);
     return StepResult();
   });
 }
@@ -381,7 +383,8 @@ void Site::repeat_scans(std::string_view record) {
     take(record, change.samples);
     for (double& slope : change.slope) take(record, slope);
     if (!(change.cell.cast<double>().cwiseAbs().maxCoeff() < kMaxIndex &&
-          std::abs(change.top) < kMaxIndex && std::abs(change.samples) < kMostAmount &&
+          std::abs(change.top) < kMaxIndex &&
+          std::abs(change.top + static_cast<double>(change.samples) / 64) < kMaxIndex &&
           change.slope.allFinite()))
       throw std::invalid_argument("the record of scans has an impossible column");
   }
