@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scans of a session: recorded and gone on with, cloned, and in the mass balance.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 
 #include <filesystem>
 #include <random>
@@ -343,6 +344,17 @@ TEST_P(LipsKnownBetter, CorrectEarlierGround) {
 
 INSTANTIATE_TEST_SUITE_P(Parts, LipsKnownBetter,
                          ::testing::Combine(::testing::Bool(), ::testing::Values(0.01, 0.03)));
+
+TEST(SiteScans, SayThatAMachineIsMissing) {
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+  std::string saved;
+  GroundSurvey(ground, {digger(), digger()}, {0.02, 0.02}).save(saved);
+  std::string_view in = saved;
+  GroundSurvey of_one(ground, {digger()}, {0.02});
+  EXPECT_THAT([&] { of_one.load(in); },
+              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr(
+                  "is of 2 machines, and the site has 1; with scans machines stay")));
+}
 
 TEST_P(SessionScans, AreBookedAndLeaveLoads) {
   Session session(site());
