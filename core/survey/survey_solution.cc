@@ -542,7 +542,7 @@ class SurveyState::SeenColumns {
   }
 
   void add(SurveyTile& tile) {
-    OfTile& of = tiles_.emplace_back(&tile, columns_.size(), 0);
+    OfTile& of = tiles_.emplace_back(OfTile{&tile, columns_.size(), 0});
     of.numbers.fill(-1);
     for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
       const SurveyColumn& column = tile.columns[i];
