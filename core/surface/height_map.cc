@@ -134,13 +134,14 @@ void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const
   const Coord2 size = box.max().array().floor().matrix().cast<int>() - low + Coord2::Constant(2);
   reader.read(low, size, HeightReader::kSurface, kNoCeiling, reader.columns);
   const HeightReader::Columns& columns = reader.columns;
-  const double level = ground.origin().z(), by_x = along.x(), by_y = along.y();
+  const double level = ground.origin().z();
   for (int k = 0; k < lines; ++k) {
-    const Vec2 from = first - low.cast<double>() + k * across;
-    const double x = from.x(), y = from.y();
+    const Vec2 aside = k * across;
     double* const out = heights_m.data() + std::ptrdiff_t{k} * count;
+    // Rounded as the box's corners are: no place may be outside what was read.
     for (int i = 0; i < count; ++i)
-      out[i] = level + h * columns.between(x + i * by_x, y + i * by_y);
+      out[i] = level + h * columns.between(first.x() + i * along.x() + aside.x() - low.x(),
+                                           first.y() + i * along.y() + aside.y() - low.y());
   }
 }
 
