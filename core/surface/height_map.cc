@@ -139,9 +139,7 @@ void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const
     const Vec2 aside = k * across;
     double* const out = heights_m.data() + std::ptrdiff_t{k} * count;
     // Rounded as the box's corners are: no place may be outside what was read.
-    for (int i = 0; i < count; ++i)
-      out[i] = level + h * columns.between(first.x() + i * along.x() + aside.x() - low.x(),
-                                           first.y() + i * along.y() + aside.y() - low.y());
+    for (int i = 0; i < count; ++i) out[i] = level + h * columns.between(first + i * along + aside);
   }
 }
 

@@ -69,11 +69,6 @@ class HeightReader {
       const Quad quad = this->quad(place);
       return between(quad.corner, quad.u, quad.v);
     }
-    /// The same at a place from the first column, not before it.
-    double between(double x, double y) const {
-      const int low_x = static_cast<int>(x), low_y = static_cast<int>(y);
-      return between(from(low_x, low_y), x - low_x, y - low_y);
-    }
     double between(const double* corner, double u, double v) const {
       const double *low = corner, *high = corner + size.y();
       const double near = low[0] + v * (low[1] - low[0]), far = high[0] + v * (high[1] - high[0]);
