@@ -62,13 +62,16 @@ class CommonErrors {
       return own + on.dot(errors.covariance() * on);
     }
   };
-  Correction correct(const ColumnResidual& column, const Eigen::VectorXd& measured,
-                     const Eigen::VectorXd& predicted) const {
+  /// @param measured a
+  /// @param predicted b
+  /// @param to keeps its storage
+  template <typename A, typename B>
+  void correct(const ColumnResidual& column, const Eigen::MatrixBase<A>& measured,
+               const Eigen::MatrixBase<B>& predicted, Correction& to) const {
     const double prior = 1 / column.variance, all = prior + column.weight;
-    return {
-        (column.weight * (column.residual - measured.dot(mean_)) - prior * predicted.dot(mean_)) /
-            all,
-        1 / all, (prior * predicted + column.weight * measured) / all};
+    to.on = (column.weight / all) * measured + (prior / all) * predicted;
+    to.mean = column.weight / all * column.residual - to.on.dot(mean_);
+    to.own = 1 / all;
   }
 
  private:

@@ -27,13 +27,10 @@ std::string RayCounts::doubt() const {
 }
 
 SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas)
-    : ground(g),
-      buckets(std::move(all_buckets)),
-      lip_sigmas_m(std::move(sigmas)),
-      map(g),
-      changes(g),
-      errors(Eigen::VectorXd()) {
+    : ground(g), map(g), changes(g) {
   changes.take();
+  buckets = std::move(all_buckets);
+  lip_sigmas_m = std::move(sigmas);
   lip_sigmas_m.push_back(lip_sigmas_m.empty()
                              ? kDugSigmaM
                              : *std::max_element(lip_sigmas_m.begin(), lip_sigmas_m.end()));
@@ -41,30 +38,7 @@ SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector
 }
 
 SurveyState::SurveyState(Ground& clone, const SurveyState& other)
-    : ground(clone),
-      buckets(other.buckets),
-      lip_sigmas_m(other.lip_sigmas_m),
-      map(clone, other.map),
-      changes(clone, other.changes),
-      tiles(other.tiles),
-      stale(other.stale),
-      news(other.news),
-      unsummed(other.unsummed),
-      untold(other.untold),
-      work(other.work),
-      time(other.time),
-      sensors(other.sensors),
-      places(other.places),
-      by_name(other.by_name),
-      blocks(other.blocks),
-      untold_blocks(other.untold_blocks),
-      has_corrected(other.has_corrected),
-      is_first(other.is_first),
-      errors(other.errors),
-      rays(other.rays),
-      through(other.through),
-      is_solved(other.is_solved),
-      sigma_m3(other.sigma_m3) {}
+    : SurveyRecord(other), ground(clone), map(clone, other.map), changes(clone, other.changes) {}
 
 void SurveyState::has_changed(const Coord2& cell) {
   // Slopes at a tile's edge depend on the next one's columns.
@@ -154,7 +128,7 @@ void SurveyState::read(SurveyTile& tile, How how) {
       const double rise = h * (top - column.top);
       if (depth > 0 && rise > 0) {
         // What was known of the ground below stays known.
-        if (column.prior >= 0) column.variance = knowledge_of(tile, i).variance(errors);
+        if (column.prior >= 0) column.variance = height_variance(tile, i);
         if (column.prior >= 0 || column.origin == kNatural) column.origin = kFilled;
         column.variance += filled * rise * rise;
       } else {
@@ -297,8 +271,7 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
     std::optional<SurveyTile> own;
     const SurveyTile& tile = s.look(floor_to(cell, kChunkSide), own);
     const std::size_t n = SurveyState::number_of(cell);
-    if (!std::isnan(tile.columns[n].top))
-      sigmas_m[i] = std::sqrt(s.knowledge_of(tile, n).variance(s.errors));
+    if (!std::isnan(tile.columns[n].top)) sigmas_m[i] = std::sqrt(s.height_variance(tile, n));
   }
 }
 
@@ -318,7 +291,8 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   // Parts of a column along each axis that are inside or not.
   constexpr int kParts = 4;
   std::map<Block, BlockSums> blocks;
-  Eigen::VectorXd sees(s.error_count()), scratch;
+  Eigen::VectorXd sees(s.error_count());
+  CommonErrors::Correction correction;
   for (const auto& [x, y] : cells) {
     std::optional<SurveyTile> own;
     const SurveyTile& tile = s.look({x, y}, own);
@@ -334,9 +308,10 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
       }
       if (parts == 0) continue;
       const ColumnResidual residual = s.residual_of(tile, n, sees);
+      s.correct(column, residual, sees, correction);
       s.add_volume(blocks.try_emplace(s.block_of(tile, n), s.error_count()).first->second, column,
-                   residual, sees, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts), false,
-                   scratch);
+                   residual, correction, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts),
+                   false);
     }
   }
   SurveyState::VolumeError error(s.errors);

@@ -159,8 +159,9 @@ Block take_block(std::string_view& in, std::uint64_t origins) {
 
 /// Numbers of sensors by their names, so that the order of their first scans does not show.
 std::vector<int> saved_numbers(const SurveyState& s) {
-  std::vector<int> numbers = s.places;
-  for (int& number : numbers) number = (number - static_cast<int>(s.lip_sigmas_m.size())) / 4;
+  std::vector<int> numbers(s.by_name.size());
+  for (std::size_t n = 0; n < numbers.size(); ++n)
+    numbers[static_cast<std::size_t>(s.by_name[n])] = static_cast<int>(n);
   return numbers;
 }
 
@@ -204,17 +205,10 @@ void take_tile(std::string_view& in, SurveyState& s, const std::vector<int>& num
   s.unsummed.insert(SurveyState::mark(cell));
 }
 
-void put_block_state(std::string& out, const SurveyState::BlockState& state,
-                     const std::vector<int>& numbers, std::size_t lips) {
+void put_block_state(std::string& out, const SurveyState::BlockState& state) {
   const SurveyState::Retired& sums = state.retired;
   for (const double value : {sums.weight, sums.residual, sums.variance}) put(out, value);
-  std::vector<double> sees(lips + 4 * numbers.size());  // sensors that came later have zeros
-  for (std::size_t n = 0; n < sums.sees.size(); ++n)
-    sees[n < lips ? n
-                  : lips + 4 * static_cast<std::size_t>(numbers[(n - lips) / 4]) + (n - lips) % 4] =
-        sums.sees[n];
-  if (sums.weight > 0)
-    for (const double value : sees) put(out, value);
+  for (const double value : sums.sees) put(out, value);
   put(out, state.solved.size() > 0);
   for (const double value : state.solved) put(out, value);
 }
@@ -259,7 +253,7 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   put_number(out, blocks.size());
   for (const Block& block : blocks) {
     put_block(out, block);
-    put_block_state(out, s.blocks.at(block), numbers, s.lip_sigmas_m.size());
+    put_block_state(out, s.blocks.at(block));
   }
   std::vector<ThroughRay> through = s.through;
   std::sort(through.begin(), through.end());
@@ -373,21 +367,15 @@ void GroundSurvey::load(std::string_view& in) {
     SurveyState::Retired& sums = state.retired;
     for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
     if (!(sums.weight >= 0)) refuse_survey();
-    if (sums.weight > 0) {
-      const std::size_t lips = s.lip_sigmas_m.size();
-      sums.sees.assign(static_cast<std::size_t>(s.error_count()), 0);
-      for (std::size_t n = 0; n < static_cast<std::size_t>(known_errors); ++n) {
-        const std::size_t at = n < machines ? n : n + came;
-        sums.sees[at < lips ? at
-                            : lips + 4 * static_cast<std::size_t>(numbers[(at - lips) / 4]) +
-                                  (at - lips) % 4] = take_finite(in);
-      }
-    }
+    const auto take_errors = [&](bool any, Eigen::VectorXd& values) {
+      values = Eigen::VectorXd::Zero(any ? s.error_count() : 0);
+      if (!any) return;
+      for (const Eigen::Index at : to) values[at] = take_finite(in);
+    };
+    take_errors(sums.weight > 0, sums.sees);
     bool is_solved = false;
     take(in, is_solved);
-    state.solved = Eigen::VectorXd::Zero(is_solved ? s.error_count() : 0);
-    for (Eigen::Index n = 0; is_solved && n < known_errors; ++n)
-      state.solved[to[static_cast<std::size_t>(n)]] = take_finite(in);
+    take_errors(is_solved, state.solved);
   }
   s.through.clear();  // a snapshot may have scans that were applied since
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {

@@ -14,7 +14,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr int kOfSensor = 4;  // common errors: height, tilts, scale
 constexpr double kSamplesOfCell = 64;
 
 double square(double value) { return value * value; }
@@ -37,12 +36,15 @@ void SurveyState::set_places() {
   for (std::size_t s = 0; s < before.size(); ++s)
     for (int n = 0; n < kOfSensor; ++n) to[static_cast<std::size_t>(before[s] + n)] = places[s] + n;
   widen_errors(to);
+  const auto widen = [&](Eigen::VectorXd& values) {
+    if (values.size() == 0) return;
+    const Eigen::VectorXd old = std::exchange(values, Eigen::VectorXd::Zero(error_count()));
+    for (std::size_t i = 0; i < to.size(); ++i) values[to[i]] = old[static_cast<Eigen::Index>(i)];
+  };
   for (auto& [block, state] : blocks) {
     state.sums.reset();
-    if (state.solved.size() == 0) continue;
-    const Eigen::VectorXd old = std::exchange(state.solved, Eigen::VectorXd::Zero(error_count()));
-    for (std::size_t i = 0; i < to.size(); ++i)
-      state.solved[to[i]] = old[static_cast<Eigen::Index>(i)];
+    widen(state.solved);
+    widen(state.retired.sees);
   }
   for (auto& [key, tile] : tiles) {
     tile.parts.clear();
@@ -85,12 +87,6 @@ Eigen::Index SurveyState::lip_of(const SurveyColumn& column) const {
   if (column.origin >= kFirstMachine) return column.origin - kFirstMachine;
   if (column.origin == kUnknownTool) return static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1;
   return -1;
-}
-
-Eigen::VectorXd SurveyState::predicted(const SurveyColumn& column) const {
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(error_count());
-  if (const Eigen::Index lip = lip_of(column); lip >= 0) b[lip] = 1;
-  return b;
 }
 
 double SurveyState::own_variance(const SurveyTile& tile, std::size_t i) const {
@@ -148,18 +144,12 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   const Block of = block_of(tile, i);
   untold_blocks.insert(of);
   Retired& block = blocks[of].retired;
-  // Sensors that come later stand behind: their entries are zero.
-  const Eigen::VectorXd b = predicted(column);
-  block.sees.resize(lip_sigmas_m.size() + kOfSensor * sensors.size());
+  if (block.sees.size() == 0) block.sees.setZero(error_count());
   block.weight += residual.weight;
   block.residual += residual.weight * residual.residual;
   block.variance += residual.weight * residual.variance;
-  for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
-    block.sees[m] -= residual.weight * b[static_cast<Eigen::Index>(m)];
-  for (std::size_t s = 0; s < sensors.size(); ++s)
-    for (int n = 0; n < kOfSensor; ++n)
-      block.sees[lip_sigmas_m.size() + kOfSensor * s + static_cast<std::size_t>(n)] +=
-          residual.weight * sees[places[s] + n];
+  block.sees += residual.weight * sees;
+  if (const Eigen::Index lip = lip_of(column); lip >= 0) block.sees[lip] -= residual.weight;
 }
 
 namespace {
@@ -356,33 +346,42 @@ bool SurveyState::is_datum(const SurveyColumn& column) {
   return column.origin == kNatural && column.top == column.first && !is_other(column);
 }
 
-SurveyState::Knowledge SurveyState::knowledge_of(const SurveyTile& tile, std::size_t i) const {
+void SurveyState::correct(const SurveyColumn& column, ColumnResidual residual,
+                          const Eigen::Ref<const Eigen::VectorXd>& sees,
+                          CommonErrors::Correction& to) const {
+  if (column.prior >= 0) residual.variance = column.prior;
+  const Eigen::Index lip = lip_of(column);
+  errors.correct(
+      residual, sees,
+      (lip >= 0 ? 1.0 : 0.0) * Eigen::VectorXd::Unit(sees.size(), std::max<Eigen::Index>(lip, 0)),
+      to);
+}
+
+double SurveyState::height_variance(const SurveyTile& tile, std::size_t i) const {
   const SurveyColumn& column = tile.columns[i];
   Eigen::VectorXd sees(error_count());
-  Knowledge known{residual_of(tile, i, sees), {}, 0};
-  if (column.prior >= 0) known.residual.variance = column.prior;
-  known.correction = errors.correct(known.residual, sees, predicted(column));
-  known.off = voxel_m() * (column.first - column.top) + known.correction.mean;
-  return known;
+  const ColumnResidual residual = residual_of(tile, i, sees);
+  CommonErrors::Correction correction;
+  correct(column, residual, sees, correction);
+  const double off = voxel_m() * (column.first - column.top) + correction.mean;
+  return correction.variance(errors) + off * off;
 }
 
 void SurveyState::add_volume(BlockSums& to, const SurveyColumn& column,
                              const ColumnResidual& residual,
-                             const Eigen::Ref<const Eigen::VectorXd>& sees, double area_m2,
-                             bool is_corrected, Eigen::VectorXd& on) const {
-  const double own = column.prior >= 0 ? column.prior : residual.variance;
-  const double prior = 1 / own, weight = residual.weight, all = prior + weight;
-  on = weight / all * sees;
-  if (const Eigen::Index lip = lip_of(column); lip >= 0) on[lip] += prior / all;
-  const double off =
-      is_corrected ? on.dot(errors.mean())
-                   : voxel_m() * (column.first - column.top) + weight / all * residual.residual;
-  const double share = square(area_m2 / all);
+                             const CommonErrors::Correction& correction, double area_m2,
+                             bool is_corrected) const {
+  const double by_errors = correction.on.dot(errors.mean());
+  const double off = is_corrected
+                         ? by_errors
+                         : voxel_m() * (column.first - column.top) + correction.mean + by_errors;
+  const double own = area_m2 * std::sqrt(correction.own);
+  const double seen = residual.weight * correction.own;  // share that measurements have in it
   // What scans found to be another height errs by itself.
   const bool alone = column.origin == kSurveyed;
-  to.apart += share * (alone ? all : weight);
-  if (!alone) to.alike_m3 += std::sqrt(share * prior);
-  to.volume_on += area_m2 * on;
+  to.apart += square(own) * (alone ? 1 : seen);
+  if (!alone) to.alike_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
+  to.volume_on += area_m2 * correction.on;
   to.off_m3 += area_m2 * off;
 }
 
@@ -404,15 +403,10 @@ std::vector<SurveyTile*> SurveyState::tiles_of(const Block& block) {
 CommonErrors SurveyState::estimate() const {
   CommonErrors all(prior());
   Eigen::VectorXd sees(error_count());
-  const std::size_t lips = lip_sigmas_m.size();
   for (const auto& [block, state] : blocks) {
     ColumnResidual sum{state.retired.residual, state.retired.weight, state.retired.variance};
     sees.setZero();
-    for (std::size_t n = 0; n < state.retired.sees.size(); ++n)
-      sees[n < lips ? static_cast<Eigen::Index>(n)
-                    : places[(n - lips) / kOfSensor] +
-                          static_cast<Eigen::Index>((n - lips) % kOfSensor)] =
-          state.retired.sees[n];
+    if (state.retired.sees.size() > 0) sees = state.retired.sees;
     if (state.sums) {
       sum.weight += state.sums->weight;
       sum.residual += state.sums->residual;
@@ -429,14 +423,14 @@ CommonErrors SurveyState::estimate() const {
 class SurveyState::SeenColumns {
  public:
   SeenColumns(SurveyState& state, const Tiles& tiles)
-      : state_(state), errors_(state.error_count()), on_(errors_) {
+      : state_(state), errors_(state.error_count()) {
     for (const auto& cell : tiles) add(state.marked(cell));
     own_tiles_ = tiles_.size();
     own_ = columns_.size();
   }
 
-  /// Adds up what the columns say of the common errors, and the errors of their volume.
-  void sum_up() {
+  /// Adds up what the columns say of the common errors. @param volumes and the errors of theirs
+  void sum_up(bool volumes) {
     std::set<Block> changed;
     for (std::size_t t = 0; t < own_tiles_; ++t) {
       std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
@@ -454,11 +448,11 @@ class SurveyState::SeenColumns {
           if (c.lip >= 0) part.sees[c.lip] -= c.residual.weight;
         }
         ++part.columns;
-        depends(n);
-        part.on += on_;
-        if (c.is_corrected || !is_datum(c.column()))
-          state_.add_volume(part, c.column(), c.residual, sees(n), square(state_.voxel_m()),
-                            c.is_corrected, on_);
+        state_.correct(c.column(), c.residual, sees(n), correction_);
+        part.on += correction_.on;
+        if (volumes && (c.is_corrected || !is_datum(c.column())))
+          state_.add_volume(part, c.column(), c.residual, correction_, square(state_.voxel_m()),
+                            c.is_corrected);
       }
       for (const auto& [block, part] : parts) changed.insert(block);
     }
@@ -476,7 +470,7 @@ class SurveyState::SeenColumns {
   /// Finds the common errors, and the columns that are off by more than these explain.
   void find_others() {
     for (std::size_t n = 0; n < own_; ++n) tell(columns_[n], columns_[n].is_surveyed());
-    sum_up();
+    sum_up(false);
     state_.errors = state_.estimate();
     look_beside();
     for (int round = 0; round < kGateRounds; ++round) {
@@ -488,7 +482,7 @@ class SurveyState::SeenColumns {
       }
       for (std::size_t t = 0; t < own_tiles_; ++t)
         for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) judge(tiles_[t], n, off);
-      sum_up();
+      sum_up(false);
       state_.errors = state_.estimate();
     }
   }
@@ -500,16 +494,13 @@ class SurveyState::SeenColumns {
     for (std::size_t n = 0; n < own_; ++n) {
       Column& c = columns_[n];
       const SurveyColumn& column = c.column();
-      const double all = depends(n);
-      const double mean =
-          c.residual.weight / all * c.residual.residual - on_.dot(state_.errors.mean());
-      const double off = h * (column.first - column.top) + mean;
+      state_.correct(column, c.residual, sees(n), correction_);
+      const double off = h * (column.first - column.top) + correction_.mean;
       if (!(std::abs(off) >= kLeastCorrection * h) || !std::isfinite(off)) continue;
       double sigmas =
           column.origin == kNatural && !is_other(column) ? kNaturalSigmas : kMovedSigmas;
       if (c.residual.weight <= 0) sigmas = 0;  // the soil that rays passed through is surely gone
-      const double variance = 1 / all + on_.dot(state_.errors.covariance() * on_);
-      if (std::abs(off) < sigmas * std::sqrt(variance)) continue;
+      if (std::abs(off) < sigmas * std::sqrt(correction_.variance(state_.errors))) continue;
       const int at = static_cast<int>(c.i);
       made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
                       std::llround(off / h * kSamplesOfCell), c.tile->slopes[c.i]});
@@ -608,23 +599,13 @@ class SurveyState::SeenColumns {
                 std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
   }
 
-  /// Sets on_ to how a column's correction depends on the common errors. @return its information
-  double depends(std::size_t n) {
-    const Column& c = columns_[n];
-    const double prior = 1 / (c.column().prior >= 0 ? c.column().prior : c.residual.variance);
-    const double all = prior + c.residual.weight;
-    on_ = c.residual.weight / all * sees(n);
-    if (c.lip >= 0) on_[c.lip] += prior / all;
-    return all;
-  }
-
   SurveyState& state_;
   const Eigen::Index errors_;
   std::vector<Column> columns_;
   std::vector<double> sees_;  // a, without b, of each column
   std::vector<OfTile> tiles_;
   std::size_t own_tiles_ = 0, own_ = 0;  // those beside stand behind
-  Eigen::VectorXd on_;
+  CommonErrors::Correction correction_;
 };
 
 SurveyState::Tiles SurveyState::moved() {
@@ -647,7 +628,7 @@ std::vector<SurveyChange> SurveyState::solve() {
   Tiles others;
   std::set_difference(unsummed.begin(), unsummed.end(), now.begin(), now.end(),
                       std::inserter(others, others.end()));
-  SeenColumns(*this, others).sum_up();
+  SeenColumns(*this, others).sum_up(true);
   std::optional<SeenColumns> seen(std::in_place, *this, now);
   seen->find_others();
   const std::size_t count = now.size();
@@ -657,7 +638,7 @@ std::vector<SurveyChange> SurveyState::solve() {
     seen->find_others();
   }
   std::vector<SurveyChange> made = seen->corrections();
-  seen->sum_up();
+  seen->sum_up(true);
   unsummed.clear();
   for (const SurveyChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
   std::set<Block> seen_blocks;

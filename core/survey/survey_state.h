@@ -22,7 +22,57 @@ namespace soilvdb::inline v0 {
 /// Units of integers: residuals and heights, m; levers of tilts, m.
 inline constexpr double kScanUnit_m = 1e-5, kScanLever_m = 1e-3;
 
-struct SurveyState {
+/// Of a sensor: height, tilts, scale.
+inline constexpr int kOfSensor = 4;
+
+/// What is known, apart from the ground.
+struct SurveyRecord {
+  using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
+  /// Columns of which the ground has changed, that may say something of the common errors.
+  struct Retired {
+    double weight = 0, residual = 0, variance = 0;  // sums of w, w r, w s^2
+    Eigen::VectorXd sees = {};                      // of w (a - b); empty: none
+  };
+  struct BlockState {
+    Retired retired = {};
+    std::optional<BlockSums> sums = {};  // of its tiles' parts, if it has some
+    /// The common errors since which its columns were corrected; empty: none was yet.
+    Eigen::VectorXd solved = {};
+  };
+  std::vector<Bucket> buckets;
+  std::vector<double> lip_sigmas_m;  // of machines, then of a tool that is not known
+  std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
+  Tiles stale;     // where the ground has changed since they were read
+  Tiles news;      // of which scans told something since solve()
+  Tiles unsummed;  // that changed since their parts were made
+  Tiles untold;    // that changed since telling was set
+  struct Work {
+    std::uint16_t origin = kUnknownTool;  // whose machine was the last in a tile
+    std::uint32_t time = 0;               // when the tile changed
+  };
+  std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
+  std::uint32_t time = 1;                                  // counts changes of the ground
+  std::vector<Sensor> sensors;                             // in order of their first scan
+  std::vector<int> places;                                 // of their common errors, by their names
+  std::vector<int> by_name;                                // their numbers
+  std::map<Block, BlockState> blocks;
+  std::set<Block> untold_blocks;
+  /// What save_changes() tells of: what changed from one correction to the next.
+  struct Telling {
+    bool all = true;
+    Tiles tiles = {};
+    std::set<Block> blocks = {};
+  } telling;
+  bool has_corrected = false;              // solve() had news since scans were applied
+  bool is_first = true;                    // nothing was told yet
+  CommonErrors errors{Eigen::VectorXd()};  // as last solved
+  RayCounts rays;
+  std::vector<ThroughRay> through;  // since scans were applied
+  bool is_solved = true;            // no scan came since
+  double sigma_m3 = 0;              // of the last solution
+};
+
+struct SurveyState : SurveyRecord {
   SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> lip_sigmas_m);
   SurveyState(Ground& clone, const SurveyState& other);
 
@@ -38,7 +88,6 @@ struct SurveyState {
     const Coord2 in = column - floor_to(column, kChunkSide);
     return static_cast<std::size_t>(in.x() * kChunkSide + in.y());
   }
-  using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
   static std::pair<int, int> mark(const Coord2& cell) { return {cell.x(), cell.y()}; }
   SurveyTile& marked(const std::pair<int, int>& cell) {
     return tiles.at(plan_key({cell.first, cell.second}));
@@ -73,23 +122,17 @@ struct SurveyState {
                              Eigen::Ref<Eigen::VectorXd> sees) const;
   /// The only common error on which a column's predicted height depends, one to one; -1: none.
   Eigen::Index lip_of(const SurveyColumn& column) const;
-  /// b: how a column's predicted height depends on the common errors.
-  Eigen::VectorXd predicted(const SurveyColumn& column) const;
   Eigen::VectorXd prior() const;
   Eigen::Index error_count() const;
   /// To be called when a sensor has come.
   void set_places();
   /// Makes room for errors that came. @param to the new numbers of those that were
   void widen_errors(const std::vector<Eigen::Index>& to);
-  /// What is known of a column's height.
-  struct Knowledge {
-    ColumnResidual residual;
-    CommonErrors::Correction correction;
-    double off = 0;  ///< of the correction, what the ground does not have, m
-
-    double variance(const CommonErrors& all) const { return correction.variance(all) + off * off; }
-  };
-  Knowledge knowledge_of(const SurveyTile& tile, std::size_t i) const;
+  /// A column's correction by what it and the common errors are known to be.
+  void correct(const SurveyColumn& column, ColumnResidual residual,
+               const Eigen::Ref<const Eigen::VectorXd>& sees, CommonErrors::Correction& to) const;
+  /// Variance of a column's height, m^2.
+  double height_variance(const SurveyTile& tile, std::size_t i) const;
   /// Do scans say that a column is other than its errors explain?
   static bool is_other(const SurveyColumn& column);
   /// Is a column as the terrain, and nothing speaks against that?
@@ -108,26 +151,15 @@ struct SurveyState {
   Block block_of(const SurveyTile& tile, std::size_t i) const;
   /// The tiles that a block reaches into, by their cells.
   std::vector<SurveyTile*> tiles_of(const Block& block);
-  /// Columns of which the ground has changed, that may say something of the common errors.
-  struct Retired {
-    double weight = 0, residual = 0, variance = 0;  // sums of w, w r, w s^2
-    std::vector<double> sees;                       // of w (a - b), by the sensors' first scans
-  };
-  struct BlockState {
-    Retired retired = {};
-    std::optional<BlockSums> sums = {};  // of its tiles' parts, if it has some
-    /// The common errors since which its columns were corrected; empty: none was yet.
-    Eigen::VectorXd solved = {};
-  };
   /// Columns of some tiles that scans told something of.
   class SeenColumns;
   CommonErrors estimate() const;
   /// Tiles of the blocks whose corrections would be others with the present common errors.
   Tiles moved();
-  /// Adds an area of a column to the error of a volume. @param on scratch
+  /// Adds an area of a column to the error of a volume. @param correction as correct() has it
   void add_volume(BlockSums& to, const SurveyColumn& column, const ColumnResidual& residual,
-                  const Eigen::Ref<const Eigen::VectorXd>& sees, double area_m2, bool is_corrected,
-                  Eigen::VectorXd& on) const;
+                  const CommonErrors::Correction& correction, double area_m2,
+                  bool is_corrected) const;
   /// Sigma of the volume of all columns that were added. Each block at most once.
   class VolumeError {
    public:
@@ -147,39 +179,8 @@ struct SurveyState {
   };
 
   Ground& ground;
-  std::vector<Bucket> buckets;
-  std::vector<double> lip_sigmas_m;  // of machines, then of a tool that is not known
   HeightMap map;
   ChangeFollower changes;
-  std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
-  Tiles stale;     // where the ground has changed since they were read
-  Tiles news;      // of which scans told something since solve()
-  Tiles unsummed;  // that changed since their parts were made
-  Tiles untold;    // that changed since telling was set
-  struct Work {
-    std::uint16_t origin = kUnknownTool;  // whose machine was the last in a tile
-    std::uint32_t time = 0;               // when the tile changed
-  };
-  std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
-  std::uint32_t time = 1;                                  // counts changes of the ground
-  std::vector<Sensor> sensors;                             // in order of their first scan
-  std::vector<int> places;                                 // of their common errors, by their names
-  std::vector<int> by_name;                                // their numbers
-  std::map<Block, BlockState> blocks;
-  std::set<Block> untold_blocks;
-  /// What save_changes() tells of: what changed from one correction to the next.
-  struct Telling {
-    bool all = true;
-    Tiles tiles = {};
-    std::set<Block> blocks = {};
-  } telling;
-  bool has_corrected = false;  // solve() had news since scans were applied
-  bool is_first = true;        // nothing was told yet
-  CommonErrors errors;         // as last solved
-  RayCounts rays;
-  std::vector<ThroughRay> through;  // since scans were applied
-  bool is_solved = true;            // no scan came since
-  double sigma_m3 = 0;              // of the last solution
 };
 
 }  // namespace soilvdb::inline v0

@@ -6,12 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
 #include <memory>
-#include <new>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -20,25 +18,7 @@
 #include "soilvdb/session.h"
 #include "soilvdb/site.h"
 #include "soilvdb/tool_shape.h"
-
-namespace soilvdb::test::resistance_test {
-
-std::atomic<std::size_t> allocations = 0;  // of this program
-
-}  // namespace soilvdb::test::resistance_test
-
-// Sanitizers have an allocator of their own.
-#if !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SOILVDB_COUNTS_ALLOCATIONS
-// Not inlined: GCC would take malloc and delete for a wrong pair.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++soilvdb::test::resistance_test::allocations;
-  if (void* const memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-#endif
+#include "tests/support/allocations.h"
 
 namespace soilvdb::test {
 namespace resistance_test {

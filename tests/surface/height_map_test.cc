@@ -6,12 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <memory>
-#include <new>
 #include <numbers>
 #include <random>
 #include <tuple>
@@ -19,26 +17,9 @@
 
 #include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
+#include "tests/support/allocations.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
-
-namespace soilvdb::test::height_map_test {
-
-std::atomic<std::size_t> allocations = 0;  // of this program
-
-}  // namespace soilvdb::test::height_map_test
-
-// Sanitizers have an allocator of their own.
-#if !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-// Not inlined: GCC would take malloc and delete for a wrong pair.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++soilvdb::test::height_map_test::allocations;
-  if (void* const memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-#endif
 
 namespace soilvdb::test {
 namespace height_map_test {
