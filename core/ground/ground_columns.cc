@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "core/constants.h"
@@ -103,12 +104,14 @@ class TileReader {
   bool is_mixed(int z) const {
     return z >= last_ && ground_.classify({cx_, cy_, z}) == Content::kMixed;
   }
-  Chunk terrain_chunk(int z) const {
-    SampleWords words;
-    ground_.read_base({cx_, cy_, z}, words);
-    Chunk chunk;
-    chunk.samples.assign(words);
-    return chunk;
+  const Chunk& terrain_chunk(int z) {
+    const auto [made, is_new] = terrain_.try_emplace(z);
+    if (is_new) {
+      SampleWords words;
+      ground_.read_base({cx_, cy_, z}, words);
+      made->second.samples.assign(words);
+    }
+    return made->second;
   }
   /// Lowers columns by what is missing below their topmost full cell, as where a tool cut some
   /// samples from the side. Not over a cell without soil: what is above that is a roof.
@@ -126,11 +129,11 @@ class TileReader {
     for (int z = top_chunk(); z >= last; z -= kChunkSide) {
       const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
       if (chunk == nullptr && !is_mixed(z)) continue;
-      const Chunk made = chunk == nullptr          ? terrain_chunk(z)
-                         : chunk->swap_record != 0 ? ground_.copy(*chunk)
-                                                   : Chunk();
-      const Samples& samples =
-          chunk == nullptr || chunk->swap_record != 0 ? made.samples : chunk->samples;
+      const bool is_swapped = chunk != nullptr && chunk->swap_record != 0;
+      const Chunk copy = is_swapped ? ground_.copy(*chunk) : Chunk();
+      const Samples& samples = is_swapped         ? copy.samples
+                               : chunk == nullptr ? terrain_chunk(z).samples
+                                                  : chunk->samples;
       each_of(known & ~roofs, [&](int c) {
         if (samples.full_of_row(c * kChunkSide) == (1u << kChunkSide) - 1) return;
         for (int k = std::min(kChunkSide - 1, column(c).bank_full - 1 - z); k >= 0; --k) {
@@ -256,7 +259,8 @@ class TileReader {
   const Eigen::AlignedBox3i above_;
   const int ceiling_;
   const std::uint64_t columns_;
-  int last_ = 0;  // as last_chunk(), if samples are read
+  int last_ = 0;                  // as last_chunk(), if samples are read
+  std::map<int, Chunk> terrain_;  // by z
   ColumnTile tile_;
   Walk walks_[kCells];
   std::uint64_t open_ = 0;  // columns whose bank isn't found

@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <optional>
+#include <utility>
+
 namespace soilvdb::python {
 namespace {
 
@@ -11,6 +14,28 @@ constexpr double kRigid = 1e-6;  // tolerance for float32 rotations
 
 std::string kind_of(const py::handle& given) {
   return py::cast<std::string>(py::type::handle_of(given).attr("__name__"));
+}
+
+bool is_list(PyObject* given) { return PyTuple_Check(given) || PyList_Check(given); }
+
+/// A few rows of floats: NumPy would take longer to find out their shape and type.
+std::optional<Array> few_rows(PyObject* given, py::ssize_t columns) {
+  constexpr py::ssize_t kMost = 16;
+  if (!is_list(given)) return {};
+  const py::ssize_t count = PySequence_Fast_GET_SIZE(given);
+  if (count == 0 || count > kMost) return {};
+  Array made({count, columns});
+  double* to = made.mutable_data();
+  for (py::ssize_t i = 0; i < count; ++i) {
+    PyObject* const row = PySequence_Fast_GET_ITEM(given, i);
+    if (!is_list(row) || PySequence_Fast_GET_SIZE(row) != columns) return {};
+    for (py::ssize_t k = 0; k < columns; ++k) {
+      PyObject* const number = PySequence_Fast_GET_ITEM(row, k);
+      if (!PyFloat_Check(number)) return {};
+      *to++ = PyFloat_AS_DOUBLE(number);
+    }
+  }
+  return made;
 }
 
 }  // namespace
@@ -30,8 +55,10 @@ void not_of_kind(const py::handle& given, const char* name, const char* kind) {
 }
 
 Array array_of(const py::handle& given, const char* name) {
-  // A masked array's numbers under its mask mean nothing.
-  if (py::isinstance<py::array>(given) && py::hasattr(given, "mask") &&
+  // A masked array's numbers under its mask mean nothing. NumPy's own type, which has none, is not
+  // asked: that takes longer than a look at the ground.
+  const bool is_plain = Py_TYPE(given.ptr()) == py::detail::npy_api::get().PyArray_Type_;
+  if (!is_plain && py::isinstance<py::array>(given) && py::hasattr(given, "mask") &&
       given.attr("mask").attr("any")().cast<bool>())
     throw py::type_error(
         fmt::format("{} has masked values; fill them, for instance with nan", name));
@@ -52,7 +79,7 @@ Array array_of(const py::handle& given, const char* name) {
 
 void numbers(const py::handle& given, const char* name, std::span<double> out) {
   // Fast path for tuples and lists of floats: an array would cost more than an update.
-  if (PyTuple_Check(given.ptr()) || PyList_Check(given.ptr())) {
+  if (is_list(given.ptr())) {
     const auto size = static_cast<std::size_t>(PySequence_Fast_GET_SIZE(given.ptr()));
     if (size != out.size())
       throw py::value_error(
@@ -87,6 +114,7 @@ std::vector<double> numbers(const py::handle& given, const char* name) {
 }
 
 Array rows(const py::handle& given, const char* name, py::ssize_t columns) {
+  if (std::optional<Array> few = few_rows(given.ptr(), columns)) return *std::move(few);
   const Array array = array_of(given, name);
   if (array.ndim() == 1 && array.size() == 0)
     return Array(std::vector<py::ssize_t>{0, columns});  // []
