@@ -100,11 +100,22 @@ void Site::require(std::size_t machine) const {
                               std::to_string(count) + ", numbered from 0");
 }
 
-Pose Site::pose(std::size_t machine, std::span<const double> joints) const {
-  require(machine);
+std::vector<double> configuration_of(const MachineState& state) {
+  std::vector<double> values(state.joints.begin(), state.joints.end());
+  if (state.base) Chain::add_base(values, *state.base);
+  return values;
+}
+
+const Chain& Site::chain(std::size_t machine) const {
   const std::optional<Chain>& chain = model_->machines[machine].chain;
   if (!chain) throw std::invalid_argument(name(machine) + " has no joints; give it a pose");
-  const std::vector<std::string> names = chain->movable();
+  return *chain;
+}
+
+std::vector<double> Site::configuration(std::size_t machine, std::span<const double> joints,
+                                        const std::optional<Pose>& base,
+                                        const std::optional<Input>& before) const {
+  const std::vector<std::string> names = chain(machine).movable();
   if (joints.size() != names.size())
     throw std::invalid_argument(name(machine) + " has " + std::to_string(names.size()) +
                                 " joints, not " + std::to_string(joints.size()) + ": " +
@@ -113,14 +124,40 @@ Pose Site::pose(std::size_t machine, std::span<const double> joints) const {
     if (!std::isfinite(joints[i]))
       throw std::invalid_argument(name(machine) + ": joint '" + names[i] + "' is " +
                                   text(joints[i]) + "; it must be finite");
-  return chain->world_from_bucket(joints);
+  if (base)
+    if (const std::string what = validation_error(*base); !what.empty())
+      throw std::invalid_argument(name(machine) + ": base: " + what);
+  std::vector<double> made = configuration_of({.joints = joints, .base = base});
+  if (!base && before && before->configuration.size() > names.size())
+    made.insert(made.end(), before->configuration.end() - kPoseNumbers,
+                before->configuration.end());
+  return made;
+}
+
+Pose Site::pose(std::size_t machine, std::span<const double> joints,
+                const std::optional<Pose>& base) const {
+  require(machine);
+  return chain(machine).world_from_bucket(configuration(machine, joints, base, inputs_[machine]));
+}
+
+Pose Site::base(std::size_t machine) const {
+  require(machine);
+  const std::optional<Input>& last = inputs_[machine];
+  const Chain& of = chain(machine);
+  return last && !last->configuration.empty() ? of.base_of(last->configuration)
+                                              : of.world_from_root;
 }
 
 std::optional<MachineState> Site::last(std::size_t machine) const {
   require(machine);
   const std::optional<Input>& last = inputs_[machine];
   if (!last) return {};
-  return MachineState{machine, last->time_s, last->pose, last->joints};
+  MachineState state{machine, last->time_s, last->pose, last->configuration};
+  if (state.joints.empty()) return state;
+  const std::size_t count = chain(machine).movable_count();
+  if (state.joints.size() > count) state.base = pose_of(&state.joints[count]);
+  state.joints = state.joints.first(count);
+  return state;
 }
 
 Vec3 Site::direction(std::size_t machine) const {
@@ -167,13 +204,31 @@ void Site::require_order(std::size_t machine, const std::optional<Input>& last,
 
 Site::Input Site::input(const MachineState& state) const {
   require(state.machine);
+  return input(state, inputs_[state.machine]);
+}
+
+Site::Input Site::input(const MachineState& state, const std::optional<Input>& before) const {
+  require(state.machine);
   if (state.time_s && !std::isfinite(*state.time_s))
     throw std::invalid_argument(name(state.machine) + ": the time must be finite");
-  Input now{state.time_s, state.pose, {state.joints.begin(), state.joints.end()}};
-  if (!now.joints.empty()) now.pose = pose(state.machine, state.joints);
+  Input now{state.time_s, state.pose};
+  if (!state.joints.empty()) {
+    now.configuration = configuration(state.machine, state.joints, state.base, before);
+    now.pose = chain(state.machine).world_from_bucket(now.configuration);
+  } else if (state.base) {
+    throw std::invalid_argument(name(state.machine) +
+                                ": a base goes with joints; a pose is that of the bucket");
+  }
   if (const std::string what = validation_error(now.pose); !what.empty())
     throw std::invalid_argument(name(state.machine) + ": " + what);
   return now;
+}
+
+std::vector<double> Site::like(const Input& input, const Input& other, std::size_t machine) const {
+  std::vector<double> made = input.configuration;
+  if (!made.empty() && made.size() < other.configuration.size())
+    Chain::add_base(made, chain(machine).world_from_root);
+  return made;
 }
 
 /// The move to a state: along a motion of two rows, as in a run, if both times are known.
@@ -181,7 +236,7 @@ Site::Input Site::input(const MachineState& state) const {
 /// @param motions owns the motions of moves
 Move Site::move(const MachineState& state, std::optional<Input>& last,
                 std::deque<Motion>& motions) const {
-  Input now = input(state);
+  Input now = input(state, last);
   const std::optional<double> before_s = last ? last->time_s : std::nullopt;
   require_order(state.machine, last, now.time_s);
   Move move;
@@ -189,9 +244,9 @@ Move Site::move(const MachineState& state, std::optional<Input>& last,
   move.to = now.pose;
   if (now.time_s && before_s && *now.time_s > *before_s) {
     const std::vector<double> times_s = {*before_s, *now.time_s};
-    if (!now.joints.empty() && !last->joints.empty()) {
-      std::vector<double> rows = last->joints;
-      rows.insert(rows.end(), now.joints.begin(), now.joints.end());
+    if (!now.configuration.empty() && !last->configuration.empty()) {
+      std::vector<double> rows = like(*last, now, state.machine);
+      rows.insert(rows.end(), now.configuration.begin(), now.configuration.end());
       motions.emplace_back(times_s, std::move(rows), *model_->machines[state.machine].chain);
     } else {
       motions.emplace_back(times_s, std::vector<Pose>{last->pose, now.pose});
@@ -494,9 +549,9 @@ std::string Site::progress() const {
   for (const std::optional<Input>& input : inputs_) {
     put(out, input && input->time_s ? *input->time_s : kUnknown_s);
     put(out, input ? input->pose : Pose{Vec3::Constant(kUnknown_s), {1, 0, 0, 0}});
-    put(out, std::uint64_t{input ? input->joints.size() : 0});
+    put(out, std::uint64_t{input ? input->configuration.size() : 0});
     if (!input) continue;
-    for (const double value : input->joints) put(out, value);
+    for (const double value : input->configuration) put(out, value);
   }
   for (const std::optional<Input>& input : inputs_)
     for (const Vec3& v :
@@ -521,18 +576,21 @@ void Site::set_progress(std::string_view bytes) {
     const SiteMachine& machine = model_->machines[i];
     Input now;
     double time_s = kUnknown_s;
-    std::uint64_t joints = 0;
+    std::uint64_t numbers = 0;
     take(bytes, time_s);
     take(bytes, now.pose);
-    take(bytes, joints);
-    if (joints != 0 && (!machine.chain || joints != machine.chain->movable().size()))
+    take(bytes, numbers);
+    if (numbers != 0 && (!machine.chain || !machine.chain->takes(numbers)))
       throw std::invalid_argument("the state is of a machine with other joints");
-    now.joints.resize(joints);
-    for (double& value : now.joints) take(bytes, value);
+    std::vector<double>& values = now.configuration;
+    values.resize(numbers);
+    for (double& value : values) take(bytes, value);
     const bool placed = !now.pose.position.hasNaN();
+    const bool drives = numbers != 0 && numbers != machine.chain->movable_count();
     if (std::isinf(time_s) || (placed && !is_valid(now.pose)) ||
-        !std::all_of(now.joints.begin(), now.joints.end(),
-                     [](double value) { return std::isfinite(value); }))
+        !std::all_of(values.begin(), values.end(),
+                     [](double value) { return std::isfinite(value); }) ||
+        (drives && !is_valid(pose_of(&values[numbers - kPoseNumbers]))))
       throw std::invalid_argument("the state has an invalid machine");
     if (!std::isnan(time_s)) now.time_s = time_s;
     inputs.push_back(placed ? std::optional(std::move(now)) : std::nullopt);

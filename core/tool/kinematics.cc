@@ -3,6 +3,7 @@
 // Forward kinematics of a serial chain: one rigid transform after the other, root to lip.
 #include "soilvdb/kinematics.h"
 
+#include <algorithm>
 #include <cassert>
 
 namespace soilvdb::inline v0 {
@@ -13,6 +14,35 @@ std::vector<std::string> Chain::movable() const {
     if (joint.moves_itself()) names.push_back(joint.name);
   }
   return names;
+}
+
+std::size_t Chain::movable_count() const {
+  return static_cast<std::size_t>(std::count_if(
+      joints.begin(), joints.end(), [](const Joint& joint) { return joint.moves_itself(); }));
+}
+
+Pose Chain::base_of(std::span<const double> values) const {
+  const std::size_t count = movable_count();
+  if (values.size() == count) return world_from_root;
+  assert(takes(values.size()));
+  Pose base = pose_of(values.data() + count);
+  base.rotation.normalize();  // a small error is large at the end of the arm
+  return base;
+}
+
+void Chain::add_base(std::vector<double>& values, const Pose& base) {
+  const auto row = row_of(base);
+  values.insert(values.end(), row.begin(), row.end());
+}
+
+void Chain::between(std::span<const double> a, std::span<const double> b, double s,
+                    double* out) const {
+  assert(a.size() == b.size() && takes(a.size()));
+  const std::size_t count = movable_count();
+  for (std::size_t k = 0; k < count; ++k) out[k] = a[k] + s * (b[k] - a[k]);
+  if (a.size() == count) return;
+  const auto base = row_of(interpolate(pose_of(&a[count]), pose_of(&b[count]), s));
+  std::copy(base.begin(), base.end(), out + count);
 }
 
 namespace {
@@ -32,7 +62,7 @@ double followed(const Chain& chain, const Joint& joint, std::span<const double> 
 /// @return world_from_link of the last link
 template <typename F>
 Pose walk(const Chain& chain, std::span<const double> values, const F& f) {
-  Pose world_from_link = chain.world_from_root;
+  Pose world_from_link = chain.base_of(values);
   std::size_t next = 0;
   for (const Joint& joint : chain.joints) {
     Pose joint_from_child;
@@ -59,7 +89,7 @@ Pose walk(const Chain& chain, std::span<const double> values, const F& f) {
     f(joint, world_from_link);
     world_from_link = world_from_link * joint_from_child;
   }
-  assert(next == values.size());
+  assert(next == chain.movable_count());
   return world_from_link;
 }
 

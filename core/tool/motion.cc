@@ -135,16 +135,20 @@ Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Ch
     : times_s_(std::move(times_s)),
       joint_values_(std::move(joint_values)),
       chain_(std::move(chain)) {
-  const std::size_t joints = chain_.movable().size();
-  if (joint_values_.size() != joints * times_s_.size()) {
+  const std::size_t joints = chain_.movable_count(), rows = times_s_.size();
+  const bool drives = joint_values_.size() != joints * rows;
+  if (drives && joint_values_.size() != (joints + kPoseNumbers) * rows) {
     throw std::invalid_argument("a motion needs a value for each movable joint in each row");
   }
-  check_times(times_s_, times_s_.size());
-  for (std::size_t i = 0; i < times_s_.size(); ++i) {
-    for (std::size_t k = i * joints; k < (i + 1) * joints; ++k) {
-      if (!(std::abs(joint_values_[k]) <= kMaxMotionValue))
+  check_times(times_s_, rows);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const std::span<const double> row = configuration(i);
+    for (const double value : row.first(joints)) {
+      if (!(std::abs(value) <= kMaxMotionValue))
         refuse_row(i, "a joint that isn't finite, or beyond 1e9");
     }
+    if (drives && !is_valid(pose_of(&row[joints])))
+      refuse_row(i, "a base with an invalid position or rotation");
     if (row_pieces(i) > kMaxRowPieces) refuse_row(i, "a joint that jumps");
   }
 }
@@ -168,26 +172,19 @@ Pose Motion::pose(double time_s) const {
 Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
   const double s = share_of(i, j, time_s);
   if (!poses_.empty()) return interpolate(poses_[i], poses_[j], s);
-  const std::size_t n = joints();
+  const std::size_t n = columns();
   std::array<double, kStackJoints> few;
   std::vector<double> many(n > kStackJoints ? n : 0);
   double* q = n > kStackJoints ? many.data() : few.data();
-  joints_between(i, j, s, q);
+  chain_.between(configuration(i), configuration(j), s, q);
   return chain_.world_from_bucket({q, n});
 }
 
-void Motion::joints_between(std::size_t i, std::size_t j, double share, double* values) const {
-  const std::size_t n = joints();
-  for (std::size_t k = 0; k < n; ++k) {
-    const double a = joint_values_[i * n + k], b = joint_values_[j * n + k];
-    values[k] = a + share * (b - a);
-  }
-}
-
 std::vector<double> Motion::joint_values(double time_s) const {
-  std::vector<double> values(joints());
+  std::vector<double> values(columns());
   const auto [i, j] = rows_around(time_s);
-  joints_between(i, j, share_of(i, j, time_s), values.data());
+  if (!values.empty())
+    chain_.between(configuration(i), configuration(j), share_of(i, j, time_s), values.data());
   return values;
 }
 
@@ -218,14 +215,13 @@ Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
     }
     kept.push_back(i + good);
   }
-  const std::size_t n = joints();
   std::vector<double> times, values;
   std::vector<Pose> poses;
   for (const std::size_t i : kept) {
     times.push_back(times_s_[i]);
     if (!poses_.empty()) poses.push_back(poses_[i]);
-    const auto row = joint_values_.begin() + static_cast<std::ptrdiff_t>(i * n);
-    values.insert(values.end(), row, row + static_cast<std::ptrdiff_t>(n));
+    const std::span<const double> row = configuration(i);
+    values.insert(values.end(), row.begin(), row.end());
   }
   if (!poses_.empty()) return {std::move(times), std::move(poses)};
   return {std::move(times), std::move(values), chain_};
@@ -233,11 +229,13 @@ Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
 
 std::size_t Motion::row_pieces(std::size_t i) const {
   if (joint_values_.empty() || i == 0) return 1;
-  const std::size_t n = joints();
+  const std::size_t joints = chain_.movable_count();
+  const std::span<const double> from = configuration(i - 1), to = configuration(i);
   double most = 0;
-  for (std::size_t k = 0; k < n; ++k) {
-    most = std::max(most, std::abs(joint_values_[i * n + k] - joint_values_[(i - 1) * n + k]));
-  }
+  for (std::size_t k = 0; k < joints; ++k) most = std::max(most, std::abs(to[k] - from[k]));
+  if (to.size() > joints)
+    most = std::max(most,
+                    pose_of(&from[joints]).rotation.angularDistance(pose_of(&to[joints]).rotation));
   return std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(most)));
 }
 

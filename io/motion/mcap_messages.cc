@@ -7,12 +7,12 @@
 #include <algorithm>
 
 #include "io/file/text.h"
+#include "soilvdb/types.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::int64_t kNsPerS = 1'000'000'000;
-constexpr std::size_t kPoseNumbers = 7;
 
 void read_item_pose(CdrReader& cdr, McapItem& item) {
   item.values.resize(kPoseNumbers);

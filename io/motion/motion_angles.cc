@@ -34,14 +34,11 @@ const char* unit_name(AngleUnit unit) { return unit == AngleUnit::kRadians ? "ra
 Angles::Angles(const std::vector<std::string>& names, const std::optional<Chain>& chain,
                AngleUnit unit)
     : unit_(unit), joints_(chain.has_value()) {
-  if (!chain) {
-    for (std::size_t i = 1; i < names.size(); ++i) {
-      const std::string& name = names[i];
-      if (name == "roll" || name == "pitch" || name == "yaw")
-        angles_.push_back({i, name, name == "yaw"});
-    }
-    return;
-  }
+  const std::string prefix = chain ? "base_" : "";
+  for (std::size_t i = 1 + (chain ? chain->movable_count() : 0); i < names.size(); ++i)
+    for (const char* name : {"roll", "pitch", "yaw"})
+      if (names[i] == prefix + name) angles_.push_back({i, names[i], names[i].ends_with("yaw")});
+  if (!chain) return;
   std::size_t at = 0;
   for (const Joint& joint : chain->joints) {
     if (!joint.moves_itself()) continue;

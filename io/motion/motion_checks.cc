@@ -113,12 +113,13 @@ std::string first_fault(const Chain& chain, const auto& look) {
   return {};
 }
 
-std::string poses_fault(const Pose& before, const Pose& pose, double after_s, const char* noun) {
+/// @param what "the bucket"
+std::string poses_fault(const char* what, const Pose& before, const Pose& pose, double after_s,
+                        const char* noun) {
   std::string why =
-      speed_fault("the bucket", (pose.position - before.position).norm(), after_s, false, noun);
+      speed_fault(what, (pose.position - before.position).norm(), after_s, false, noun);
   if (!why.empty()) return why;
-  return speed_fault("the bucket", pose.rotation.angularDistance(before.rotation), after_s, true,
-                     noun);
+  return speed_fault(what, pose.rotation.angularDistance(before.rotation), after_s, true, noun);
 }
 
 std::string joint_fault(const Joint& joint, double before, double value, double after_s,
@@ -164,12 +165,14 @@ void check_number(const RowPlace& lines, const std::string& name, double value) 
   check_range(lines, name, value, fmt::format("{}", value));
 }
 
-Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaternion) {
-  if (!quaternion) return {{v[1], v[2], v[3]}, from_rpy(v[4], v[5], v[6])};
-  Pose pose = pose_of(&v[1]);
+Pose row_pose(const RowPlace& lines, std::span<const double> v, bool quaternion,
+              const char* prefix) {
+  if (!quaternion) return {{v[0], v[1], v[2]}, from_rpy(v[3], v[4], v[5])};
+  Pose pose = pose_of(v.data());
   const double norm = pose.rotation.norm();
   if (!(std::abs(norm - 1) <= kQuaternionTolerance)) {
-    lines.fail(fmt::format("the quaternion qx,qy,qz,qw has the norm {:.6g}; it must be 1", norm));
+    lines.fail(fmt::format(
+        "the quaternion {0}qx,{0}qy,{0}qz,{0}qw has the norm {1:.6g}; it must be 1", prefix, norm));
   }
   pose.rotation.normalize();
   return pose;
@@ -185,7 +188,7 @@ void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<d
 }
 
 void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s) {
-  fail_if(lines, poses_fault(before, pose, after_s, "row"));
+  fail_if(lines, poses_fault("the bucket", before, pose, after_s, "row"));
 }
 
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
@@ -196,6 +199,10 @@ void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<d
             std::string why = far_fault(joint, to - from, "row");
             return why.empty() ? joint_fault(joint, from, to, after_s, "row") : why;
           }));
+  const auto base = [&](const std::vector<double>& of) {
+    return chain.base_of(std::span(of).subspan(1));
+  };
+  fail_if(lines, poses_fault("the base", base(before), base(row), after_s, "row"));
 }
 
 bool same_values(std::span<const double> a, std::span<const double> b) {
@@ -221,23 +228,25 @@ void go_on_past_turns(const Chain& chain, const std::vector<double>& before,
   }
 }
 
-std::string state_fault(const Chain& chain, std::span<const double> joints) {
+std::string state_fault(const Chain& chain, std::span<const double> values) {
   return first_fault(chain, [&](const Joint& joint, std::size_t i) {
-    return limit_fault(joint, joints[i], AngleUnit::kRadians, "; are these degrees?");
+    return limit_fault(joint, values[i], AngleUnit::kRadians, "; are these degrees?");
   });
 }
 
 std::string state_fault(const Chain& chain, std::span<const double> before,
-                        std::span<const double> joints, double after_s) {
-  return first_fault(chain, [&](const Joint& joint, std::size_t i) {
-    std::string why = far_fault(joint, joints[i] - before[i], "state");
-    if (why.empty()) why = wrap_fault(joint, before[i], joints[i], after_s);
-    return why.empty() ? joint_fault(joint, before[i], joints[i], after_s, "state") : why;
+                        std::span<const double> values, double after_s) {
+  std::string fault = first_fault(chain, [&](const Joint& joint, std::size_t i) {
+    std::string why = far_fault(joint, values[i] - before[i], "state");
+    if (why.empty()) why = wrap_fault(joint, before[i], values[i], after_s);
+    return why.empty() ? joint_fault(joint, before[i], values[i], after_s, "state") : why;
   });
+  if (!fault.empty()) return fault;
+  return poses_fault("the base", chain.base_of(before), chain.base_of(values), after_s, "state");
 }
 
 std::string state_fault(const Pose& before, const Pose& pose, double after_s) {
-  return poses_fault(before, pose, after_s, "state");
+  return poses_fault("the bucket", before, pose, after_s, "state");
 }
 
 JointLimits::JointLimits(const Chain& chain) {

@@ -23,17 +23,18 @@ double row_number(const RowPlace& lines, const std::string& name, std::string_vi
 /// The same check for a number that is not text.
 void check_number(const RowPlace& lines, const std::string& name, double value);
 
-/// @param v time, x, y, z and roll, pitch, yaw or qx, qy, qz, qw
-Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaternion);
+/// @param v x, y, z and roll, pitch, yaw or qx, qy, qz, qw @param prefix of these names
+Pose row_pose(const RowPlace& lines, std::span<const double> v, bool quaternion,
+              const char* prefix = "");
 
-/// Refuses a joint clearly beyond its limits. @param row the time, then the joints, in radians
+/// Refuses a joint clearly beyond its limits. @param row the time, then a configuration, in radians
 /// @param unit of the file
 void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<double>& row,
                   AngleUnit unit);
 
 /// Refuses a pose that no bucket reaches in that time, and joints likewise.
 void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s);
-/// @param before the time, then the joints; so is `row`
+/// @param before the time, then a configuration; so is `row`
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row);
 
@@ -47,11 +48,11 @@ void go_on_past_turns(const Chain& chain, const std::vector<double>& before,
 
 /// The same checks for single states of a machine, in radians: a message if the state is
 /// impossible, else empty.
-/// @param joints rad or m, one per movable joint
-std::string state_fault(const Chain& chain, std::span<const double> joints);
-/// @param before the joints, that many seconds ago
+/// @param values a configuration of the chain
+std::string state_fault(const Chain& chain, std::span<const double> values);
+/// @param before the configuration, that many seconds ago
 std::string state_fault(const Chain& chain, std::span<const double> before,
-                        std::span<const double> joints, double after_s);
+                        std::span<const double> values, double after_s);
 std::string state_fault(const Pose& before, const Pose& pose, double after_s);
 
 /// Counts rows with a movable joint beyond its limits, or with a turn that may be a wrap.

@@ -11,8 +11,15 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
+const std::vector<std::string> kPosition = {"x", "y", "z"};
 const std::vector<std::string> kAngles = {"roll", "pitch", "yaw"};
 const std::vector<std::string> kQuaternion = {"qx", "qy", "qz", "qw"};
+constexpr const char* kBase = "base_";
+
+std::vector<std::string> prefixed(const std::string& prefix, std::vector<std::string> names) {
+  for (std::string& name : names) name.insert(0, prefix);
+  return names;
+}
 
 class Header {
  public:
@@ -75,28 +82,38 @@ class Header {
           "has both joints and a pose (x, y, z); remove the columns of the pose, or the "
           "machine's urdf");
     }
+    for (const auto& names : {kPosition, kAngles, kQuaternion})
+      for (const std::string& name : prefixed(kBase, names))
+        if (has(name) && !used(name.c_str())) c.base = 1 + movable.size();
+    if (c.base) add_pose(c, kBase, "the pose of the machine's base needs base_x,base_y,base_z");
     return c;
   }
 
-  Columns poses() const {
-    const std::vector<std::string> xyz = {"x", "y", "z"};
-    if (const auto lacking = missing(xyz); !lacking.empty()) {
-      fail_missing(lacking,
-                   "a motion by poses needs time,x,y,z (a motion by joints needs the "
-                   "machine's urdf)");
+  /// @param prefix of the columns' names @param needs what to say without its position
+  void add_pose(Columns& c, const std::string& prefix, const std::string& needs) const {
+    const std::vector<std::string> position = prefixed(prefix, kPosition),
+                                   angles = prefixed(prefix, kAngles),
+                                   quaternion = prefixed(prefix, kQuaternion);
+    if (const auto lacking = missing(position); !lacking.empty()) fail_missing(lacking, needs);
+    const auto lacking = missing(quaternion);
+    c.quaternion = lacking.size() < quaternion.size();
+    if (c.quaternion && missing(angles).size() < angles.size()) {
+      lines_.fail(fmt::format("has both angles ({}) and a quaternion ({}); keep one",
+                              fmt::join(angles, ", "), fmt::join(quaternion, ", ")));
     }
-    Columns c;
-    c.names = {"time", "x", "y", "z"};
-    const auto lacking = missing(kQuaternion);
-    c.quaternion = lacking.size() < kQuaternion.size();
-    if (c.quaternion && missing(kAngles).size() < kAngles.size()) {
-      lines_.fail("has both angles (roll, pitch, yaw) and a quaternion (qx, qy, qz, qw); keep one");
-    }
-    if (c.quaternion && !lacking.empty()) {
-      fail_missing(lacking, "a quaternion needs qx,qy,qz,qw");
-    }
-    const auto& rotation = c.quaternion ? kQuaternion : kAngles;
+    if (c.quaternion && !lacking.empty())
+      fail_missing(lacking, fmt::format("a quaternion needs {}", fmt::join(quaternion, ",")));
+    const auto& rotation = c.quaternion ? quaternion : angles;
+    c.names.insert(c.names.end(), position.begin(), position.end());
     c.names.insert(c.names.end(), rotation.begin(), rotation.end());
+  }
+
+  Columns poses() const {
+    Columns c;
+    c.names = {"time"};
+    add_pose(c, "",
+             "a motion by poses needs time,x,y,z (a motion by joints needs the "
+             "machine's urdf)");
     return c;
   }
 

@@ -17,9 +17,10 @@ namespace soilvdb::inline v0::io {
 struct Columns {
   std::size_t count = 0;  ///< of the file
   std::vector<std::string> names;
-  std::vector<std::size_t> fields;  ///< field number of each name; kNone: 0 in all rows
-  bool quaternion = false;
-  std::vector<std::string> unused;  ///< names of the file's other columns
+  std::vector<std::size_t> fields;       ///< field number of each name; kNone: 0 in all rows
+  bool quaternion = false;               ///< of the pose, or of the base
+  std::optional<std::size_t> base = {};  ///< of `names`: first of the base's, after the joints'
+  std::vector<std::string> unused;       ///< names of the file's other columns
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 };
 

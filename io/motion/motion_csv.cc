@@ -32,7 +32,6 @@ struct MotionReader::State {
         angles(columns.names, chain, unit),
         gaps(rows->most_gap_s()) {
     row.resize(columns.names.size(), 0.0);
-    fresh = row;
   }
 
   /// Moves to the next good row. @return false at the end of the file
@@ -78,8 +77,15 @@ struct MotionReader::State {
   /// @throw LineError, without a change, if the row is bad
   bool take() {
     const RowPlace& place = rows->place();
+    fresh.assign(columns.names.size(), 0.0);
     rows->values(fresh);
     angles.row(fresh, place.number());
+    if (columns.base) {
+      const Pose base =
+          row_pose(place, std::span(fresh).subspan(*columns.base), columns.quaternion, "base_");
+      fresh.resize(*columns.base);
+      Chain::add_base(fresh, base);
+    }
     if (chain) {
       check_limits(place, *chain, fresh, unit);
       fresh_turns = turns;
@@ -107,7 +113,7 @@ struct MotionReader::State {
       limits.row(fresh, fresh_turns, place.number());
       std::swap(turns, fresh_turns);
     } else {
-      const Pose to = row_pose(place, fresh, columns.quaternion);
+      const Pose to = row_pose(place, std::span(fresh).subspan(1), columns.quaternion);
       if (!first) check_poses(place, pose, to, fresh[0] - row[0]);
       moved = std::max((to.position - pose.position).norm(),
                        to.rotation.angularDistance(pose.rotation));

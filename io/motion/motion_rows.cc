@@ -6,11 +6,6 @@
 #include <stdexcept>
 
 namespace soilvdb::inline v0::io {
-namespace {
-
-constexpr std::size_t kPoseColumns = 7;
-
-}  // namespace
 
 MotionRows rows_between(const Motion& motion, double begin_s, double end_s) {
   const std::vector<double>& times = motion.times_s();
@@ -33,7 +28,7 @@ MotionRows rows_between(const Motion& motion, double begin_s, double end_s) {
     rows.values.assign(values.begin(), values.end());
     return rows;
   }
-  rows.columns = kPoseColumns;
+  rows.columns = kPoseNumbers;
   for (const Pose& pose : motion.poses().subspan(first, last + 1 - first)) {
     const auto row = row_of(pose);
     rows.values.insert(rows.values.end(), row.begin(), row.end());
@@ -43,10 +38,11 @@ MotionRows rows_between(const Motion& motion, double begin_s, double end_s) {
 
 Motion motion_of(const MotionRows& rows, const Chain& chain) {
   if (rows.joints) return {rows.times_s, rows.values, chain};
-  if (rows.columns != kPoseColumns || rows.values.size() != kPoseColumns * rows.times_s.size())
+  if (rows.columns != kPoseNumbers || rows.values.size() != kPoseNumbers * rows.times_s.size())
     throw std::invalid_argument("a pose has seven numbers");
   std::vector<Pose> poses;
-  for (const double* v = rows.values.data(); v < rows.values.data() + rows.values.size(); v += 7)
+  for (const double* v = rows.values.data(); v < rows.values.data() + rows.values.size();
+       v += kPoseNumbers)
     poses.push_back(pose_of(v));
   return {rows.times_s, std::move(poses)};
 }

@@ -53,6 +53,7 @@ void read_carrier(const YamlMap& map, Scenario& scenario, SensorInput& scan) {
     Chain chain = read_chain(found->chain_file, link);
     chain.world_from_root = found->chain->world_from_root;
     const std::vector<std::string> all = found->chain->movable();
+    scan.carrier_joints = all.size();
     for (const std::string& joint : chain.movable()) {
       const auto at = std::find(all.begin(), all.end(), joint);
       if (at == all.end())
@@ -261,6 +262,8 @@ Pose SensorInput::carried(const Pose& bucket, std::span<const double> values) co
   if (!link) return bucket * sensor.pose;
   std::vector<double> own;
   for (const std::size_t joint : joints) own.push_back(values[joint]);
+  const std::span<const double> base = values.subspan(carrier_joints);
+  own.insert(own.end(), base.begin(), base.end());
   return link->world_from_bucket(own) * sensor.pose;
 }
 

@@ -365,7 +365,7 @@ PLANE = soilvdb.plane(0.0)
 
 @pytest.mark.parametrize("call, message", [
     (lambda s: s.update(0, postion=(0, 0, 0)),
-     "update() has no argument 'postion'; it has machine, position, rotation, pose, joints, time"),
+     "update() has no argument 'postion'; it has machine, position, rotation, pose, joints, base, time"),
     (lambda s: s.update(0, (0, 0, 0)), "update() takes 'position' by name"),
     (lambda s: s.update(1.5, position=(0, 0, 0)), "machine must be int or str, not float"),
     (lambda s: s.update(0, position=(0, 0, 0), time="a"), "time must be float or None, not str"),

@@ -146,6 +146,68 @@ Pose pose_of(std::span<const double> matrix) {
   return {m.topRightCorner<3, 1>(), Eigen::Quaterniond(axes).normalized()};
 }
 
+namespace {
+
+/// Calls f(), and says of what its error is.
+template <typename F>
+auto of_base(const F& f) {
+  try {
+    return f();
+  } catch (const py::value_error& e) {
+    throw py::value_error(fmt::format("base: {}", e.what()));
+  }
+}
+
+/// Is it (position, rotation)?
+bool is_pair(const py::handle& given) {
+  return PyTuple_Check(given.ptr()) && PyTuple_GET_SIZE(given.ptr()) == 2;
+}
+
+}  // namespace
+
+Poses::Poses(const py::handle& given) : given_(!given.is_none()) {
+  if (!given_) return;
+  of_base([&] {
+    const auto copy = [](const Array& array, std::vector<double>& to) {
+      to.assign(array.data(), array.data() + array.size());
+    };
+    if (is_pair(given)) {
+      const auto pair = py::reinterpret_borrow<py::tuple>(given);
+      copy(rows(pair[0], "positions", 3), positions_);
+      copy(rows(pair[1], "rotations", 4), turns_);
+      if (positions_.size() / 3 != turns_.size() / 4)
+        throw py::value_error("there must be as many rotations as positions");
+      return;
+    }
+    const Array matrices = array_of(given, "poses");
+    if (matrices.ndim() != 3 || matrices.shape(1) != 4 || matrices.shape(2) != 4)
+      throw py::value_error("poses must have the shape (N, 4, 4), or be (positions, rotations)");
+    copy(matrices, matrices_);
+  });
+}
+
+void Poses::require(std::size_t count) const {
+  const std::size_t there = matrices_.size() / 16 + positions_.size() / 3;
+  if (given_ && there != count)
+    throw py::value_error(fmt::format("base: there are {} poses for {} states", there, count));
+}
+
+std::optional<Pose> Poses::at(std::size_t row) const {
+  if (!given_) return {};
+  if (matrices_.empty())
+    return Pose{Vec3(&positions_[3 * row]), quaternion(std::span(turns_).subspan(4 * row, 4))};
+  return of_base([&] { return pose_of(std::span(matrices_).subspan(16 * row, 16)); });
+}
+
+std::optional<Pose> base_of(const py::handle& given) {
+  if (given.is_none()) return {};
+  return of_base([&] {
+    if (!is_pair(given)) return pose(py::none(), py::none(), given);
+    const auto pair = py::reinterpret_borrow<py::tuple>(given);
+    return pose(pair[0], pair[1], py::none());
+  });
+}
+
 Pose pose(const py::handle& position, const py::handle& rotation, const py::handle& matrix) {
   if (!matrix.is_none()) {
     if (!position.is_none() || !rotation.is_none())

@@ -7,6 +7,7 @@
 #include <pybind11/pybind11.h>
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -44,6 +45,24 @@ Pose pose(const py::handle& position, const py::handle& rotation, const py::hand
 Eigen::Quaterniond quaternion(std::span<const double> xyzw);
 /// The pose of a 4 x 4 array in row order. @throw py::value_error if it is no rigid transform
 Pose pose_of(std::span<const double> matrix);
+
+/// Poses of a machine's base, copied: (N, 4, 4), or (positions, rotations), (N, 3) and (N, 4).
+class Poses {
+ public:
+  Poses() = default;
+  /// @param given None: no poses
+  explicit Poses(const py::handle& given);
+  /// @param count the number of poses that there must be
+  void require(std::size_t count) const;
+  /// The pose of a row; empty if there are none. @throw py::value_error for a pose that is none
+  std::optional<Pose> at(std::size_t row) const;
+
+ private:
+  bool given_ = false;
+  std::vector<double> matrices_, positions_, turns_;
+};
+/// One such pose: (4, 4), or (position, rotation); empty for None.
+std::optional<Pose> base_of(const py::handle& given);
 
 /// Issues a Python warning for each line.
 inline void warn(const std::vector<std::string>& lines) {

@@ -21,7 +21,7 @@ namespace {
 
 /// The rows of a machine's motion that a run follows.
 struct Rows {
-  std::vector<double> times_s, values, turns;
+  std::vector<double> times_s, values, turns, bases;
   std::size_t columns = 3;  // of `values`
   bool by_joints = false;
 };
@@ -31,15 +31,17 @@ Rows rows_of(const io::MotionFile& file, double until_s) {
   Rows rows;
   for (std::size_t part = 0; part < file.parts(); ++part) {
     const std::shared_ptr<const Motion> motion = file.part(part);
-    const std::size_t joints = motion->chain().movable().size();
+    const std::size_t joints = motion->chain().movable_count();
     rows.by_joints = motion->poses().empty();
     if (rows.by_joints) rows.columns = joints;
     for (std::size_t i = part == 0 ? 0 : 1; i < motion->times_s().size(); ++i) {  // parts join
       if (motion->times_s()[i] > until_s) return rows;
       rows.times_s.push_back(motion->times_s()[i]);
       if (rows.by_joints) {
-        const auto from = motion->joint_values().begin() + static_cast<std::ptrdiff_t>(i * joints);
-        rows.values.insert(rows.values.end(), from, from + static_cast<std::ptrdiff_t>(joints));
+        const std::span<const double> row = motion->configuration(i);
+        const auto base = row.begin() + static_cast<std::ptrdiff_t>(joints);
+        rows.values.insert(rows.values.end(), row.begin(), base);
+        rows.bases.insert(rows.bases.end(), base, row.end());
       } else {
         const Pose& pose = motion->poses()[i];
         rows.values.insert(rows.values.end(), pose.position.begin(), pose.position.end());
@@ -54,6 +56,16 @@ Rows rows_of(const io::MotionFile& file, double until_s) {
 Array array(const std::vector<double>& values, std::size_t columns) {
   const auto rows = static_cast<py::ssize_t>(values.size() / columns);
   return Array({rows, static_cast<py::ssize_t>(columns)}, values.data());
+}
+
+/// (positions, rotations) of poses as in row_of().
+py::tuple base_arrays(const std::vector<double>& rows) {
+  std::vector<double> positions, turns;
+  for (std::size_t i = 0; i < rows.size(); i += kPoseNumbers) {
+    positions.insert(positions.end(), &rows[i], &rows[i] + 3);
+    turns.insert(turns.end(), &rows[i] + 3, &rows[i] + kPoseNumbers);
+  }
+  return py::make_tuple(array(positions, 3), array(turns, 4));
 }
 
 py::dict motions(const std::filesystem::path& scenario) {
@@ -74,6 +86,7 @@ py::dict motions(const std::filesystem::path& scenario) {
     one["times"] = Array(static_cast<py::ssize_t>(rows.times_s.size()), rows.times_s.data());
     one[rows.by_joints ? "joints" : "positions"] = array(rows.values, rows.columns);
     if (!rows.by_joints) one["rotations"] = array(rows.turns, 4);
+    if (!rows.bases.empty()) one["base"] = base_arrays(rows.bases);
     by_name[py::str(name)] = one;
   }
   return by_name;
@@ -174,7 +187,8 @@ void bind_files(py::module_& m) {
   m.def("motions", &motions, py::arg("scenario"),
         "Returns the rows that `soilvdb run` follows, by the name of each machine with a motion. "
         "Each is a dict of times (N,), s, and either joints (N, k), rad or m, or positions (N, 3), "
-        "m, and rotations (N, 4) x, y, z, w. Site.update_path() takes them: site.update_path(name, "
+        "m, and rotations (N, 4) x, y, z, w; with joints also base, positions and rotations in a "
+        "tuple, if the machine drives. Site.update_path() takes them: site.update_path(name, "
         "**motions[name]). Raises ValueError with the program's message.");
   m.def("points", &points, py::arg("file"),
         "Reads the points of a scan: (N, 3) float64, m, in the file's frame and order. file: PLY "

@@ -15,10 +15,12 @@ namespace {
 /// The results of one update each: arrays by name, and the errors of refused states by site.
 py::tuple step_sites(const py::tuple& kept, const MachineName& machine, const py::object& positions,
                      const py::object& rotations, const py::object& poses, const py::object& joints,
-                     const py::object& times, const std::optional<int>& threads) {
+                     const py::object& base, const py::object& times,
+                     const std::optional<int>& threads) {
   const std::vector<Site*> sites = sites_of(kept);
   if (sites.empty()) throw py::value_error("there are no sites");
-  const States given(positions, rotations, poses, joints, times, joint_names(*sites[0], machine));
+  const States given(positions, rotations, poses, joints, base, times,
+                     joint_names(*sites[0], machine));
   if (given.count() != sites.size())
     throw py::value_error(
         fmt::format("there are {} states for {} sites", given.count(), sites.size()));
@@ -125,8 +127,8 @@ std::vector<Site*> sites_of(const py::tuple& kept) {
 void bind_many(py::module_& m) {
   const auto none = py::none();
   m.def("_step_sites", &step_sites, py::arg("sites"), py::arg("machine"), py::arg("positions"),
-        py::arg("rotations"), py::arg("poses"), py::arg("joints"), py::arg("times"),
-        py::arg("threads"));
+        py::arg("rotations"), py::arg("poses"), py::arg("joints"), py::arg("base"),
+        py::arg("times"), py::arg("threads"));
   m.def(
       "update_many", &update_sites, py::arg("sites"), py::arg("machine"), py::kw_only(),
       py::arg("positions"), py::arg("rotations") = none, py::arg("time") = none,

@@ -69,11 +69,12 @@ std::unique_ptr<Site> made(Session session, const py::tuple& from) {
 template <StepResult (Session::*step_of)(const MachineState&) noexcept>
 Update update(Site& site, const MachineName& machine, const py::object& position,
               const py::object& rotation, const py::object& matrix, const py::object& joints,
-              std::optional<double> time) {
+              const py::object& base, std::optional<double> time) {
   MachineState state;
   std::vector<double> values;
   state.time_s = time;
   if (joints.is_none()) {
+    if (!base.is_none()) throw py::type_error("base goes with joints");
     state.pose = pose(position, rotation, matrix);
   } else {
     if (!position.is_none() || !rotation.is_none() || !matrix.is_none())
@@ -83,6 +84,7 @@ Update update(Site& site, const MachineName& machine, const py::object& position
     values = numbers(is_row ? joints : joints_of(joints, joint_names(site, machine)), "joints");
     if (values.empty()) throw py::value_error("joints has no numbers");
     state.joints = values;
+    state.base = base_of(base);
   }
   std::string name;
   std::vector<std::string> warnings;
@@ -101,8 +103,8 @@ Update update(Site& site, const MachineName& machine, const py::object& position
 /// Moves one machine through many states. @return arrays of the updates' results
 py::dict update_path(Site& site, const MachineName& machine, const py::object& positions,
                      const py::object& rotations, const py::object& poses, const py::object& joints,
-                     const py::object& times) {
-  const States states(positions, rotations, poses, joints, times, joint_names(site, machine));
+                     const py::object& base, const py::object& times) {
+  const States states(positions, rotations, poses, joints, base, times, joint_names(site, machine));
   const char* const names[] = {"cut_m3", "bucket_m3", "spilled_m3", "slid_m3", "us"};
   std::vector<Array> columns;
   std::vector<double*> out;
@@ -144,8 +146,10 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
 }
 
 /// The bucket's pose as it is, or for one row of joints or many.
-py::tuple pose_of_machine(Site& site, const MachineName& machine, const py::object& joints) {
+py::tuple pose_of_machine(Site& site, const MachineName& machine, const py::object& joints,
+                          const py::object& base) {
   if (joints.is_none()) {
+    if (!base.is_none()) throw py::type_error("base goes with joints");
     const Pose now = site.with([&](Session& session) {
       const std::size_t number = machine_of(session, machine);
       const std::optional<MachineState> last = session.last(number);
@@ -164,12 +168,16 @@ py::tuple pose_of_machine(Site& site, const MachineName& machine, const py::obje
   const py::ssize_t count = given.ndim() == 2 ? given.shape(0) : 1;
   const auto width = static_cast<std::size_t>(given.shape(given.ndim() - 1));
   const std::vector<double> values(given.data(), given.data() + given.size());
+  const Poses bases(given.ndim() == 2 ? base : py::none());
+  bases.require(static_cast<std::size_t>(count));
+  const std::optional<Pose> one = given.ndim() == 2 ? std::nullopt : base_of(base);
   Array positions({count, py::ssize_t{3}}), turns({count, py::ssize_t{4}});
   double *position = positions.mutable_data(), *turn = turns.mutable_data();
   site.with([&](Session& session) {
     const std::size_t number = machine_of(session, machine);
     for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-      const Pose pose = session.pose(number, std::span(values).subspan(i * width, width));
+      const Pose pose = session.pose(number, std::span(values).subspan(i * width, width),
+                                     one ? one : bases.at(i));
       position = std::copy(pose.position.begin(), pose.position.end(), position);
       const Eigen::Vector4d xyzw = pose.rotation.coeffs();
       turn = std::copy(xyzw.begin(), xyzw.end(), turn);
@@ -357,19 +365,23 @@ void bind_site(py::module_& m) {
           "True: states that no machine has are refused. May be set.")
       .def("update", &update<&Session::update>, py::arg("machine"), py::kw_only(),
            py::arg("position") = none, py::arg("rotation") = none, py::arg("pose") = none,
-           py::arg("joints") = none, py::arg("time") = none,
+           py::arg("joints") = none, py::arg("base") = none, py::arg("time") = none,
            "Moves a machine (number or name) to a state; the first state places it. position: (x, "
            "y, z) of the middle of the lip, m. rotation: quaternion (x, y, z, w), default: no "
            "rotation. pose: 4x4 array in place of these, world from bucket. joints: values in the "
-           "chain's order, or by name, in place of a pose, rad or m. time: s, must not go back. If "
-           "states have times, joints move evenly between states, pours fall, and hoppers come and "
-           "go. Raises StateError for an invalid state, or one that no machine has, NoGroundError "
+           "chain's order, or by name, in place of a pose, rad or m. base: world pose of the root "
+           "of "
+           "the joints of a machine that drives, (position, rotation) or a 4x4 array; default: "
+           "where "
+           "the machine stands. time: s, must not go back. If states have times, joints and base "
+           "move evenly between states, pours fall, and hoppers come and go. Raises StateError for "
+           "an invalid state, or one that no machine has, NoGroundError "
            "where the terrain has no height; nothing has moved then. Warns once of a bucket that "
            "moves backwards through soil for 2 m and catches none.")
       .def(
           "place", &update<&Session::place>, py::arg("machine"), py::kw_only(),
           py::arg("position") = none, py::arg("rotation") = none, py::arg("pose") = none,
-          py::arg("joints") = none, py::arg("time") = none,
+          py::arg("joints") = none, py::arg("base") = none, py::arg("time") = none,
           "Takes a machine to a state without digging, however far it is, as if it were lifted "
           "off: "
           "soil that it pushed or held up comes to rest, its load stays as far as the bucket holds "
@@ -377,9 +389,10 @@ void bind_site(py::module_& m) {
           "more above ground. Raises the errors of update(); nothing has changed then.")
       .def("update_path", &update_path, py::arg("machine"), py::kw_only(),
            py::arg("positions") = none, py::arg("rotations") = none, py::arg("poses") = none,
-           py::arg("joints") = none, py::arg("times") = none,
+           py::arg("joints") = none, py::arg("base") = none, py::arg("times") = none,
            "update() for many states in one call: positions (N, 3) with rotations (N, 4), poses "
-           "(N, 4, 4), or joints (N, joints) or by name. Returns arrays (N,) by name: cut_m3, "
+           "(N, 4, 4), or joints (N, joints) or by name, with base ((N, 3), (N, 4)) or (N, 4, 4). "
+           "Returns arrays (N,) by name: cut_m3, "
            "bucket_m3, "
            "spilled_m3, slid_m3, us. Stops at the first bad state with the error of update() and "
            "the state's number; the machine has moved through the states before.")
@@ -389,25 +402,24 @@ void bind_site(py::module_& m) {
       .def(
           "base",
           [](Site& s, const MachineName& machine) {
-            const Pose base = s.with([&](Session& session) {
-              const SiteMachine& one = session.machines()[machine_of(session, machine)];
-              if (!one.chain)
-                throw std::invalid_argument("machine '" + one.name + "' has no joints");
-              return one.chain->world_from_root;
-            });
+            const Pose base = s.with(
+                [&](Session& session) { return session.base(machine_of(session, machine)); });
             const Eigen::Vector4d xyzw = base.rotation.coeffs();
             return py::make_tuple(Array(py::ssize_t{3}, base.position.data()),
                                   Array(py::ssize_t{4}, xyzw.data()));
           },
           py::arg("machine"),
-          "World pose of the root of a machine's joints: (position, rotation), (3,) and x, y, z, "
-          "w, (4,). Raises ValueError for a machine without joints.")
-      .def("pose", &pose_of_machine, py::arg("machine"), py::arg("joints") = none,
-           "World pose of a machine's bucket after its last state, or at given joints; the bucket "
-           "does not move. joints: (joints,), rad or m, (N, joints), or values by name. Returns "
-           "(position, rotation), (3,) and x, y, z, w, (4,), or (N, 3) and (N, 4). Raises "
-           "ValueError before the first state; with joints, for a machine without any, or for "
-           "another number of joints.")
+          "World pose of the root of a machine's joints after its last state: (position, "
+          "rotation), (3,) and x, y, z, w, (4,). Raises ValueError for a machine without joints.")
+      .def(
+          "pose", &pose_of_machine, py::arg("machine"), py::arg("joints") = none,
+          py::arg("base") = none,
+          "World pose of a machine's bucket after its last state, or at given joints; the bucket "
+          "does not move. joints: (joints,), rad or m, (N, joints), or values by name. base: as in "
+          "update() or update_path(); default: where the machine stands. Returns "
+          "(position, rotation), (3,) and x, y, z, w, (4,), or (N, 3) and (N, 4). Raises "
+          "ValueError before the first state; with joints, for a machine without any, or for "
+          "another number of joints.")
       .def(
           "pour",
           [](Site& s, double until) {

@@ -87,10 +87,12 @@ class States {
  public:
   /// Exactly one of positions (N, 3) with or without rotations (N, 4), poses (N, 4, 4) and joints
   /// (N, joints), or joints by name.
+  /// @param base of joints, as Poses, or None
   /// @param times (N,), or None
   /// @param names of the machine's joints
   States(const py::object& positions, const py::object& rotations, const py::object& poses,
-         const py::object& joints, const py::object& times, const std::vector<std::string>& names);
+         const py::object& joints, const py::object& base, const py::object& times,
+         const std::vector<std::string>& names);
   std::size_t count() const { return count_; }
   /// Needs no lock of the interpreter. @throw py::value_error for a pose that is none
   MachineState at(std::size_t row) const;
@@ -100,6 +102,7 @@ class States {
   std::size_t count_ = 0, width_ = 0;
   // Copies, because another thread may write to the arrays meanwhile.
   std::vector<double> rows_, turns_, times_s_;
+  Poses bases_;
 };
 
 /// Joints as one array (..., joints). @param given an array, or values by name

@@ -95,11 +95,13 @@ py::object joints_of(const py::object& given, const std::vector<std::string>& na
 }
 
 States::States(const py::object& positions, const py::object& rotations, const py::object& poses,
-               const py::object& joints, const py::object& times,
-               const std::vector<std::string>& names) {
+               const py::object& joints, const py::object& base, const py::object& times,
+               const std::vector<std::string>& names)
+    : bases_(base) {
   if (!poses.is_none() + !joints.is_none() + !positions.is_none() != 1 ||
       (!rotations.is_none() && positions.is_none()))
     throw py::type_error("give one of positions (with rotations), poses or joints");
+  if (!base.is_none() && joints.is_none()) throw py::type_error("base goes with joints");
   Array given;
   if (!poses.is_none()) {
     kind_ = Kind::kPoses;
@@ -117,6 +119,7 @@ States::States(const py::object& positions, const py::object& rotations, const p
   count_ = static_cast<std::size_t>(given.shape(0));
   rows_.assign(given.data(), given.data() + given.size());
   width_ = count_ > 0 ? rows_.size() / count_ : 0;
+  bases_.require(count_);
   if (!rotations.is_none()) {
     const Array turns = rows(rotations, "rotations", 4);
     require_count("rotations", turns.shape(0), count_);
@@ -136,6 +139,7 @@ MachineState States::at(std::size_t row) const {
     state.pose = pose_of(values);
   } else if (kind_ == Kind::kJoints) {
     state.joints = values;
+    state.base = bases_.at(row);
   } else {
     state.pose.position = Vec3(values.data());
     if (!turns_.empty()) state.pose.rotation = quaternion(std::span(turns_).subspan(4 * row, 4));

@@ -106,8 +106,13 @@ class DugRows {
 
   /// The name of a value; empty for rotations, which have several notations.
   std::string column(const io::MotionRows& rows, std::size_t k) const {
-    if (rows.joints) return motion_->chain().movable()[k];
-    return k < 3 ? std::string(1, "xyz"[k]) : "";
+    const std::string prefix = rows.joints ? "base_" : "";
+    if (rows.joints) {
+      const std::vector<std::string> names = motion_->chain().movable();
+      if (k < names.size()) return names[k];
+      k -= names.size();
+    }
+    return k < 3 ? prefix + "xyz"[k] : "";
   }
 
   [[noreturn]] void refuse_missing(const io::MotionRows& rows, std::size_t i) const {

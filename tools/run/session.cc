@@ -76,9 +76,12 @@ const io::Site& Session::site() const { return state_->site; }
 
 std::size_t Session::machine(std::string_view name) const { return state_->model().machine(name); }
 
-Pose Session::pose(std::size_t machine, std::span<const double> joints) const {
-  return state_->pose(machine, joints);
+Pose Session::pose(std::size_t machine, std::span<const double> joints,
+                   const std::optional<Pose>& base) const {
+  return state_->pose(machine, joints, base);
 }
+
+Pose Session::base(std::size_t machine) const { return state_->base(machine); }
 
 std::optional<MachineState> Session::last(std::size_t machine) const {
   return state_->last(machine);
@@ -167,10 +170,10 @@ void Session::State::record(const io::JournalUpdate& update, Result& made) {
   }
 }
 
-/// @param before the machine's last state
+/// @param before the machine's last state @param now the same as `state`
 template <typename Result>
 void Session::State::record(const MachineState& state, const std::optional<Input>& before,
-                            const Update& update, Result& made, Kind kind) {
+                            const Input& now, const Update& update, Result& made, Kind kind) {
   if (!recorder) {
     ++fed_count;
     return;
@@ -179,15 +182,16 @@ void Session::State::record(const MachineState& state, const std::optional<Input
   rows.joints = !state.joints.empty();
   const auto add = [&](double time_s, const Pose& pose, std::span<const double> joints) {
     rows.times_s.push_back(time_s);
-    const std::array<double, 7> row = io::row_of(pose);
+    const std::array<double, 7> row = row_of(pose);
     const std::span<const double> values = rows.joints ? joints : row;
     rows.values.insert(rows.values.end(), values.begin(), values.end());
   };
   const double time_s = state.time_s.value_or(kNoTime);
   const double before_s = before ? before->time_s.value_or(kNoTime) : kNoTime;
   const bool on_time = time_s > before_s;
-  if (on_time && before->joints.empty() != rows.joints) add(before_s, before->pose, before->joints);
-  add(time_s, state.pose, state.joints);
+  if (on_time && before->configuration.empty() != rows.joints)
+    add(before_s, before->pose, like(*before, now, state.machine));
+  add(time_s, state.pose, now.configuration);
   rows.columns = rows.values.size() / rows.times_s.size();
   record({.machine = static_cast<std::uint32_t>(state.machine),
           .begin_s = on_time ? before_s : kNoTime,
@@ -227,8 +231,8 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
         for (std::size_t i = 0; i < states.size(); ++i) {
           const std::optional<double> time_s = states[i].time_s;
           std::optional<State::Input>& before = inputs[states[i].machine];
-          s.record(states[i], before, made.updates[i], made);
-          State::Input now = s.input(states[i]);
+          State::Input now = s.input(states[i], before);
+          s.record(states[i], before, now, made.updates[i], made);
           if (!time_s && before) now.time_s = before->time_s;
           before = std::move(now);
           if (time_s && s.is_snapshot_due(*time_s))
@@ -252,7 +256,7 @@ StepResult Session::update(const MachineState& state) noexcept {
       },
       [&](StepResult& made) {
         s.look_backwards(state.machine, way);
-        s.record(state, before, made.update, made);
+        s.record(state, before, *s.inputs_[state.machine], made.update, made);
         if (state.time_s && s.is_snapshot_due(*state.time_s)) s.write_snapshot(*state.time_s);
       });
 }
@@ -270,7 +274,7 @@ StepResult Session::place(const MachineState& state) noexcept {
       },
       [&](StepResult& made) {
         s.backwards[state.machine].way_m = 0;
-        s.record(state, std::nullopt, made.update, made, Kind::kPlace);
+        s.record(state, std::nullopt, *s.inputs_[state.machine], made.update, made, Kind::kPlace);
         if (state.time_s && s.is_snapshot_due(*state.time_s)) s.write_snapshot(*state.time_s);
       });
 }
@@ -400,11 +404,12 @@ Resistance Session::resistance(std::size_t machine, const SoilStrength* soil, bo
 }
 
 std::vector<double> Session::joint_loads(std::size_t machine, const Wrench& wrench) const {
-  const std::optional<MachineState> last = this->last(machine);
+  state_->require(machine);
+  const std::optional<State::Input>& last = state_->inputs_[machine];
   const SiteMachine& of = machines()[machine];
-  if (!last || last->joints.empty())
+  if (!last || last->configuration.empty())
     throw std::invalid_argument("machine '" + of.name + "' has no state that was given by joints");
-  return of.chain->joint_loads(last->joints, wrench.force, wrench.moment);
+  return of.chain->joint_loads(last->configuration, wrench.force, wrench.moment);
 }
 
 bool Session::has_machines_of(const Session& other) const {

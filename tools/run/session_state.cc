@@ -86,23 +86,33 @@ void Session::State::float_to(const Vec3& near_m) {
 }
 
 std::string Session::State::unlikely(const MachineState& state, std::optional<Input>& last) const {
-  Input now = input(state);
+  Input now = input(state, last);
   const SiteMachine& machine = model().machines[state.machine];
   const auto fault = [&]() -> std::string {
-    const bool by_joints = !now.joints.empty();
+    const bool by_joints = !now.configuration.empty();
     if (by_joints)
-      if (std::string why = io::state_fault(*machine.chain, now.joints); !why.empty()) return why;
+      if (std::string why = io::state_fault(*machine.chain, now.configuration); !why.empty())
+        return why;
     if (!last) return "";
-    const double way_m = (now.pose.position - last->pose.position).norm();
-    if (way_m > kFarthestMove_m)
+    const auto far = [&](const char* what, const Pose& from, const Pose& to) -> std::string {
+      const double way_m = (to.position - from.position).norm();
+      if (way_m <= kFarthestMove_m) return "";
       return fmt::format(
-          "would move {:.6g} m in one state; are these metres? Consecutive states are at most {} m "
-          "apart",
-          way_m, kFarthestMove_m);
+          "{}would move {:.6g} m in one state; are these metres? Consecutive states are at most {} "
+          "m apart",
+          what, way_m, kFarthestMove_m);
+    };
+    const bool both_by_joints = by_joints && !last->configuration.empty();
+    if (both_by_joints)
+      if (std::string why = far("its base ", machine.chain->base_of(last->configuration),
+                                machine.chain->base_of(now.configuration));
+          !why.empty())
+        return why;
+    if (std::string why = far("", last->pose, now.pose); !why.empty()) return why;
     const double after_s = now.time_s && last->time_s ? *now.time_s - *last->time_s : -1;
     if (after_s < 0) return "";  // unknown, or refused anyway
-    return by_joints && !last->joints.empty()
-               ? io::state_fault(*machine.chain, last->joints, now.joints, after_s)
+    return both_by_joints
+               ? io::state_fault(*machine.chain, last->configuration, now.configuration, after_s)
                : io::state_fault(last->pose, now.pose, after_s);
   };
   const std::string why = fault();

@@ -76,8 +76,9 @@ struct Session::State : tools::SiteState {
   template <typename Result>
   void record(const io::JournalUpdate& update, Result& made);
   template <typename Result>
-  void record(const MachineState& state, const std::optional<Input>& before, const Update& update,
-              Result& made, io::JournalUpdate::Kind kind = io::JournalUpdate::Kind::kMove);
+  void record(const MachineState& state, const std::optional<Input>& before, const Input& now,
+              const Update& update, Result& made,
+              io::JournalUpdate::Kind kind = io::JournalUpdate::Kind::kMove);
   /// @param last the machine's state before, if any; becomes this one
   /// @return why no machine has such a state; empty if one may have
   std::string unlikely(const MachineState& state, std::optional<Input>& last) const;

@@ -16,8 +16,9 @@
 namespace soilvdb::tools {
 namespace {
 
-/// Joints at a time between two rows, or those of the last row.
-std::vector<double> joints_at(const io::MotionRows& rows, double time_s) {
+/// The configuration at a time between two rows, or that of the last row.
+std::vector<double> configuration_at(const Chain& chain, const io::MotionRows& rows,
+                                     double time_s) {
   const auto after = std::upper_bound(rows.times_s.begin(), rows.times_s.end(), time_s);
   const auto to = static_cast<std::size_t>(
       std::min(after - rows.times_s.begin(), std::ptrdiff_t(rows.times_s.size()) - 1));
@@ -25,12 +26,12 @@ std::vector<double> joints_at(const io::MotionRows& rows, double time_s) {
   const double begin_s = rows.times_s[from], end_s = rows.times_s[to];
   const double share =
       end_s > begin_s ? std::clamp((time_s - begin_s) / (end_s - begin_s), 0.0, 1.0) : 1;
-  std::vector<double> joints;
-  for (std::size_t k = 0; k < rows.columns; ++k) {
-    const double a = rows.values[from * rows.columns + k], b = rows.values[to * rows.columns + k];
-    joints.push_back(share == 1 ? b : a + share * (b - a));
-  }
-  return joints;
+  const auto row = [&](std::size_t i) {
+    return std::span(rows.values).subspan(i * rows.columns, rows.columns);
+  };
+  std::vector<double> values(row(to).begin(), row(to).end());
+  if (share != 1) chain.between(row(from), row(to), share, values.data());
+  return values;
 }
 
 std::optional<double> time_of(const io::JournalUpdate& update) {
@@ -91,10 +92,10 @@ Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::s
   const std::span<const double> v(rows.values.data() + row * rows.columns, rows.columns);
   if (!rows.joints) {
     if (v.size() != 7) throw std::invalid_argument("a pose has seven numbers");
-    return io::pose_of(v.data());
+    return pose_of(v.data());
   }
   const std::optional<Chain>& chain = model_->machines[machine].chain;
-  if (!chain || chain->movable().size() != v.size())
+  if (!chain || !chain->takes(v.size()))
     throw std::invalid_argument(fmt::format("{} has no {} joints", name(machine), v.size()));
   return chain->world_from_bucket(v);
 }
@@ -114,7 +115,9 @@ void SiteState::follow(const io::JournalUpdate& update) {
   now.pose = to_last ? row_pose(update.machine, rows, last)
                      : io::motion_of(rows, model_->machines[update.machine].chain.value_or(Chain()))
                            .pose(update.end_s);
-  if (rows.joints) now.joints = joints_at(rows, to_last ? rows.times_s[last] : update.end_s);
+  if (rows.joints)
+    now.configuration =
+        configuration_at(chain(update.machine), rows, to_last ? rows.times_s[last] : update.end_s);
   if (std::isfinite(update.end_s)) now.time_s = update.end_s;
   set_direction(now, update.kind == Kind::kMove ? input : std::nullopt);
   input = std::move(now);

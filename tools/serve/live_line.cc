@@ -32,6 +32,18 @@ const Line& machine_in(const Line& json) {
   return json["machine"];
 }
 
+Pose base_in(const Line& json) {
+  if (!json.is_object() || !json.contains("position") || !json.contains("rotation"))
+    throw std::invalid_argument(
+        "'base' must be an object with 'position' and 'rotation' of the urdf's root");
+  try {
+    require_keys(json, {"position", "rotation"});
+    return line_pose(json["position"], json["rotation"]);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(fmt::format("'base': {}", e.what()));
+  }
+}
+
 double host_time_s() {
   using Seconds = std::chrono::duration<double>;
   return Seconds(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -41,8 +53,8 @@ double host_time_s() {
 
 /// @param joints storage for the state's joints
 MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
-  require_keys(json,
-               {"machine", "time", "joints", "position", "rotation", "force", "sequence", "fix"});
+  require_keys(json, {"machine", "time", "joints", "base", "position", "rotation", "force",
+                      "sequence", "fix"});
   MachineState state;
   state.machine = session_.machine(machine_in(json).get<std::string>());
   if (session_.is_retired(state.machine))
@@ -53,6 +65,12 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
   const bool has_pose = json.contains("position") || json.contains("rotation");
   if (has_pose == json.contains("joints"))
     throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");
+  if (json.contains("base")) {
+    if (has_pose)
+      throw std::invalid_argument(
+          "'base' goes with 'joints'; 'position' and 'rotation' are those of the bucket");
+    state.base = base_in(json["base"]);
+  }
   if (has_pose) {
     if (!json.contains("position") || !json.contains("rotation"))
       throw std::invalid_argument("'position' and 'rotation' come together");

@@ -43,8 +43,10 @@ Pose LiveSite::carried(const io::SensorInput& input, std::optional<double> time_
   }
   const std::vector<double>& numbers = state->at.numbers;
   if (!input.link)
-    return input.carried(
-        state->at.joints ? session_.pose(machine, numbers) : io::pose_of(numbers.data()), {});
+    return input.carried(state->at.joints
+                             ? session_.machines()[machine].chain->world_from_bucket(numbers)
+                             : pose_of(numbers.data()),
+                         {});
   if (!state->at.joints)
     throw std::invalid_argument(
         fmt::format("header: the link of '{}' that carries the sensor has no place, because the "

@@ -105,9 +105,9 @@ StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   fed_.note_time(state.time_s);
   changes_of_past_ += fed_.log.machines()[state.machine].clock_is_set && state.time_s;
   fed_.durations.add(step.update.us);
-  WorkLog::Place at{{state.joints.begin(), state.joints.end()}, !state.joints.empty()};
+  WorkLog::Place at{configuration_of(*session_.last(state.machine)), !state.joints.empty()};
   if (!at.joints) {
-    const auto row = io::row_of(state.pose);
+    const auto row = row_of(state.pose);
     at.numbers.assign(row.begin(), row.end());
   }
   fed_.places.add(state.machine, state.time_s, at);
@@ -246,6 +246,9 @@ Json LiveSite::feeds() const {
       }
       for (std::size_t j = 0; j < last->joints.size(); ++j)
         state["joints"][joints_[i][j]] = last->joints[j];
+      if (last->base)
+        state["base"] = {{"position", io::numbers(last->base->position)},
+                         {"rotation", io::numbers(last->base->rotation.coeffs())}};
       one["state"] = std::move(state);
     }
     all.push_back(std::move(one));

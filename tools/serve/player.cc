@@ -47,17 +47,18 @@ void Player::feed(std::size_t machine, double time_s) {
   Track& track = tracks_[machine];
   MachineState state{.machine = machine, .time_s = time_s};
   const Motion& motion = *track.rows;
-  std::vector<double> joints;
+  std::vector<double> values;
   if (motion.poses().empty()) {
-    const std::size_t n = motion.joint_values().size() / motion.times_s().size();
     const std::size_t to = track.row, from = to > 0 ? to - 1 : 0;
     const double begin_s = motion.times_s()[from], end_s = motion.times_s()[to];
-    const double share = end_s > begin_s ? (time_s - begin_s) / (end_s - begin_s) : 1;
-    for (std::size_t i = 0; i < n; ++i) {
-      const double a = motion.joint_values()[from * n + i], b = motion.joint_values()[to * n + i];
-      joints.push_back(time_s == end_s ? b : a + share * (b - a));
-    }
-    state.joints = joints;
+    const std::size_t joints = motion.chain().movable_count();
+    const std::span<const double> row = motion.configuration(to);
+    values.assign(row.begin(), row.end());
+    if (time_s != end_s && end_s > begin_s)
+      motion.chain().between(motion.configuration(from), row,
+                             (time_s - begin_s) / (end_s - begin_s), values.data());
+    state.joints = std::span<const double>(values).first(joints);
+    if (values.size() > joints) state.base = pose_of(&values[joints]);
   } else {
     state.pose = motion.pose(time_s);
   }

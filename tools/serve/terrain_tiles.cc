@@ -26,7 +26,7 @@ Eigen::AlignedBox2d work_area(const Session& session) {
   const auto add = [&](const Vec3& p) { area.extend(Vec2(p.head<2>())); };
   for (std::size_t i = 0; i < session.machines().size(); ++i) {
     if (const auto last = session.last(i)) add(last->pose.position);
-    if (const auto& chain = session.machines()[i].chain) add(chain->world_from_root.position);
+    if (session.machines()[i].chain) add(session.base(i).position);
   }
   for (const Pour& pour : session.earthmoving().pours) add(pour.at_m);
   for (const Hopper& hopper : session.earthmoving().hoppers) area.extend(hopper.box_m);

@@ -44,7 +44,7 @@ Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& w
   json["position"] = io::numbers(last->pose.position);
   json["rotation"] = io::numbers(last->pose.rotation.coeffs());
   if (!last->joints.empty())
-    for (const Vec3& place : machine.chain->joint_places(last->joints))
+    for (const Vec3& place : machine.chain->joint_places(configuration_of(*last)))
       json["links"].push_back(io::numbers(place));
   json["state"] = works ? "working" : "idle";
   return json;
@@ -54,17 +54,17 @@ Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& w
 /// degree.
 constexpr double kStands_m = 0.03, kStands_rad = 0.03, kStandsJoint = 0.01;
 
-bool has_left(const WorkLog::Place& from, const WorkLog::Place& to) {
+/// @param joints number of the machine's joints
+bool has_left(const WorkLog::Place& from, const WorkLog::Place& to, std::size_t joints) {
   const std::vector<double>&a = from.numbers, &b = to.numbers;
   if (from.joints != to.joints || a.size() != b.size()) return true;
-  if (!to.joints && a.size() == 7) {
-    const Vec3 way(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
-    const double dot = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6];
-    return way.norm() > kStands_m || std::abs(dot) < std::cos(kStands_rad / 2);
-  }
-  for (std::size_t i = 0; i < a.size(); ++i)
+  if (!to.joints) joints = 0;
+  for (std::size_t i = 0; i < joints; ++i)
     if (std::abs(b[i] - a[i]) > kStandsJoint) return true;
-  return false;
+  if (a.size() != joints + kPoseNumbers) return false;  // its base stands
+  const Pose was = pose_of(&a[joints]), is = pose_of(&b[joints]);
+  return (is.position - was.position).norm() > kStands_m ||
+         std::abs(is.rotation.dot(was.rotation)) < std::cos(kStands_rad / 2);
 }
 
 /// Of a load, sticky soil may stay.
@@ -109,6 +109,7 @@ void WorkLog::follow(const Session& site) {
     const Bucket& bucket = site.machines()[i].bucket;
     Machine& work = machines_.emplace_back();
     work.capacity_m3 = struck_m3(bucket);
+    if (const auto& chain = site.machines()[i].chain) work.joints = chain->movable_count();
     const double about_m3 = work.capacity_m3 > 0
                                 ? work.capacity_m3
                                 : bucket.width_m * bucket.height_m * bucket.height_m;
@@ -122,7 +123,7 @@ void WorkLog::note_time(double time_s) {
 }
 
 bool WorkLog::add(std::size_t machine, std::optional<double> time_s, Place at, const Soil& soil) {
-  const bool moved = has_left(machines_[machine].stood, at);
+  const bool moved = has_left(machines_[machine].stood, at, machines_[machine].joints);
   if (moved) machines_[machine].stood = std::move(at);
   add(machine, time_s, moved, soil);
   return moved;
@@ -187,7 +188,7 @@ void WorkLog::add(const io::JournalUpdate& update) {
   for (std::size_t i = 0; i < rows.values.size(); i += rows.columns) {
     const auto row = rows.values.begin() + static_cast<std::ptrdiff_t>(i);
     Place at = {{row, row + static_cast<std::ptrdiff_t>(rows.columns)}, rows.joints};
-    if (!has_left(work.stood, at)) continue;
+    if (!has_left(work.stood, at, work.joints)) continue;
     work.stood = std::move(at);
     moved = true;
   }

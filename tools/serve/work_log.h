@@ -48,7 +48,7 @@ class WorkLog {
  public:
   /// Where a machine is.
   struct Place {
-    std::vector<double> numbers = {};  ///< of its joints; or position and rotation
+    std::vector<double> numbers = {};  ///< of its joints and base; or position and rotation
     bool joints = false;
   };
   /// Soil of a new state.
@@ -60,6 +60,7 @@ class WorkLog {
   };
   struct Machine {
     double capacity_m3 = 0;  ///< struck; 0: unknown
+    std::size_t joints = 0;
     CycleCounter cycles;
     WorkMinutes minutes = {};
     Work untimed = {};                   ///< before the site's first time

@@ -30,18 +30,32 @@ struct Joint {
   bool moves_itself() const { return type != Type::kFixed && mimics.empty(); }
 };
 
-/// A serial chain. Joint values are in the order of the movable joints: those that are neither
-/// fixed nor mimics.
+/// A serial chain. A configuration of it has a value of each movable joint, in order: those that
+/// are neither fixed nor mimics. Of a machine that drives the pose of the root follows, as in
+/// row_of(), in place of `world_from_root`.
 struct Chain {
-  Pose world_from_root;
+  Pose world_from_root;       ///< its base
   std::vector<Joint> joints;  ///< root to lip link
   Pose link_from_bucket;      ///< the bucket frame in the last joint's child link
 
   /// Names of the movable joints, in order.
   std::vector<std::string> movable() const;
+  std::size_t movable_count() const;
+
+  /// May a configuration have so many numbers?
+  bool takes(std::size_t numbers) const {
+    return numbers == movable_count() || numbers == movable_count() + kPoseNumbers;
+  }
+  /// The pose of the root in a configuration; `world_from_root` if it has none.
+  Pose base_of(std::span<const double> values) const;
+  /// Appends the root's pose to a configuration without it.
+  static void add_base(std::vector<double>& values, const Pose& base);
+  /// The configuration at fraction `s` in [0, 1] of the way from `a` to `b`: joint values linear,
+  /// the root as by interpolate().
+  void between(std::span<const double> a, std::span<const double> b, double s, double* out) const;
 
   /// Pose of the bucket frame in the world.
-  /// @param values rad or m, one per movable joint, not checked against the limits
+  /// @param values a configuration, rad or m, not checked against the limits
   Pose world_from_bucket(std::span<const double> values) const;
 
   /// What a force on the bucket does to the movable joints, N m or N: positive the way that a

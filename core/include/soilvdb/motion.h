@@ -13,15 +13,16 @@
 
 namespace soilvdb::inline v0 {
 
-/// A motion over [begin_s, end_s]. Joint values and positions are linear between rows; rotations
-/// use slerp. Times strictly increase; there is at least one row.
+/// A motion over [begin_s, end_s]. Joint values and positions are linear between rows; rotations,
+/// also that of a machine's base, use slerp. Times strictly increase; there is at least one row.
 class Motion {
  public:
   /// @throw std::invalid_argument if the sizes differ or are zero, times do not strictly increase,
   ///        a number is not finite or exceeds 1e9, a rotation is not unit, or a joint moves more
   ///        than 1000 rad or m between rows
   Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket);
-  /// @param joint_values row-major, times_s.size() x chain.movable().size()
+  /// @param joint_values a configuration of the chain for each row, all with the root's pose or
+  ///        all without
   Motion(std::vector<double> times_s, std::vector<double> joint_values, Chain chain);
 
   const std::vector<double>& times_s() const { return times_s_; }
@@ -31,11 +32,15 @@ class Motion {
   /// Pose at times_s()[i].
   Pose row(std::size_t i) const { return between(i, i, times_s_[i]); }
 
-  /// Number of parts from row i - 1 to row i in each of which no joint moves more than 1 rad or m.
+  /// Number of parts from row i - 1 to row i in each of which no joint moves more than 1 rad or m,
+  /// and the root turns no more than 1 rad.
   std::size_t row_pieces(std::size_t i) const;
-  /// The rows as given: poses, or joint values and their chain.
+  /// The rows as given: poses, or configurations and their chain.
   std::span<const Pose> poses() const { return poses_; }
   std::span<const double> joint_values() const { return joint_values_; }
+  std::span<const double> configuration(std::size_t i) const {  ///< of row i
+    return std::span(joint_values_).subspan(i * columns(), columns());
+  }
   const Chain& chain() const { return chain_; }
 
   /// Pose at `time_s`, clamped to [begin_s, end_s].
@@ -55,11 +60,11 @@ class Motion {
                           double stride_m) const;
 
  private:
-  std::size_t joints() const { return joint_values_.size() / times_s_.size(); }
+  /// Numbers in a row of joint_values_.
+  std::size_t columns() const { return joint_values_.size() / times_s_.size(); }
   std::pair<std::size_t, std::size_t> rows_around(double time_s) const;
   double share_of(std::size_t i, std::size_t j, double time_s) const;
   Pose between(std::size_t i, std::size_t j, double time_s) const;
-  void joints_between(std::size_t i, std::size_t j, double share, double* values) const;
 
   std::vector<double> times_s_;
   std::vector<Pose> poses_;

@@ -38,8 +38,8 @@ struct SiteModel {
 };
 
 /// State of a machine at a time; the first state places the machine. Between states with times the
-/// joints, or position and rotation, are interpolated as between rows of a Motion. Otherwise the
-/// bucket moves in a straight line.
+/// joints and base, or position and rotation, are interpolated as between rows of a Motion.
+/// Otherwise the bucket moves in a straight line.
 struct MachineState {
   std::size_t machine = 0;
   /// s, in one time frame for all machines; unset: unknown. The time of a machine must not
@@ -49,7 +49,13 @@ struct MachineState {
   Pose pose = {};
   /// rad or m, one value per movable joint of the machine's chain.
   std::span<const double> joints = {};
+  /// world_from_root of the chain, of a machine that drives; only with `joints`. Unset: as in the
+  /// state before, or that of the chain if that had none or was a pose.
+  std::optional<Pose> base = {};
 };
+
+/// Joints and base of a state as a configuration of its chain.
+std::vector<double> configuration_of(const MachineState& state);
 
 enum class Status {
   kOk,
@@ -104,9 +110,14 @@ class Site {
   const Ground& ground() const { return *ground_; }
   const Tracker& tracker() const { return *tracker_; }
 
-  /// world_from_bucket at joint values. @throw std::invalid_argument without a chain, or for a
-  /// wrong number of joints or values that are not finite
-  Pose pose(std::size_t machine, std::span<const double> joints) const;
+  /// world_from_bucket at joint values. @param base empty: where the machine stands
+  /// @throw std::invalid_argument without a chain, or for a wrong number of joints or values that
+  /// are not finite, or a base that is no pose
+  Pose pose(std::size_t machine, std::span<const double> joints,
+            const std::optional<Pose>& base = {}) const;
+  /// world_from_root of a machine's chain, as of its last state.
+  /// @throw std::invalid_argument without a chain
+  Pose base(std::size_t machine) const;
   /// Last state of a machine, always with its pose; std::nullopt before the first. `joints` is
   /// valid until the next update. @throw std::invalid_argument for an unknown machine
   std::optional<MachineState> last(std::size_t machine) const;
@@ -169,16 +180,27 @@ class Site {
   struct Input {
     std::optional<double> time_s = {};
     Pose pose = {};
-    std::vector<double> joints = {};  ///< empty: the state was a pose
-    Vec3 direction = Vec3::Zero();    ///< of the lip when it last moved, unit; zero: unknown
-    Vec3 moved_from = Vec3::Zero();   ///< where the lip was when that was known
+    std::vector<double> configuration = {};  ///< of the chain; empty: the state was a pose
+    Vec3 direction = Vec3::Zero();           ///< of the lip when it last moved, unit; zero: unknown
+    Vec3 moved_from = Vec3::Zero();          ///< where the lip was when that was known
   };
 
   std::string name(std::size_t machine) const;
   /// @throw std::invalid_argument for an unknown machine
   void require(std::size_t machine) const;
-  /// Checks and converts a state. @throw std::invalid_argument for an invalid state
+  /// The chain of a machine. @throw std::invalid_argument if it has none
+  const Chain& chain(std::size_t machine) const;
+  /// A chain's configuration after the machine's state before, which `base` may be left to.
+  /// @throw std::invalid_argument as pose()
+  std::vector<double> configuration(std::size_t machine, std::span<const double> joints,
+                                    const std::optional<Pose>& base,
+                                    const std::optional<Input>& before) const;
+  /// Checks and converts a state. @param before the machine's state before
+  /// @throw std::invalid_argument for an invalid state
+  Input input(const MachineState& state, const std::optional<Input>& before) const;
   Input input(const MachineState& state) const;
+  /// The configuration of a state, as one that has the root's pose if another has it.
+  std::vector<double> like(const Input& input, const Input& other, std::size_t machine) const;
   /// Sets direction and moved_from of the state after `last`.
   void set_direction(Input& now, const std::optional<Input>& last) const;
   /// @throw std::invalid_argument if a machine's time would go back

@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
 #include <stdexcept>
 
 namespace soilvdb::inline v0 {
@@ -26,6 +28,18 @@ struct Pose {
     return {-(r * position), r};
   }
 };
+
+/// The numbers of a pose in a row: x, y, z, qx, qy, qz, qw.
+inline constexpr std::size_t kPoseNumbers = 7;
+inline std::array<double, kPoseNumbers> row_of(const Pose& pose) {
+  const Vec3& p = pose.position;
+  const auto& q = pose.rotation.coeffs();
+  return {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+}
+/// The pose of seven numbers as in row_of().
+inline Pose pose_of(const double* v) {
+  return {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
+}
 
 /// Pose at fraction `s` in [0, 1] of the way from `a` to `b`: position linear, rotation slerp
 /// along the shorter arc.

@@ -18,6 +18,7 @@ _Path = str | os.PathLike[str]
 _Layer = Literal["height", "loose", "dug", "design"]
 _Joints = _Numbers | Mapping[str, float]
 _Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
+_Base = tuple[_Numbers, _Numbers] | _Rows
 
 class Bucket:
     def __init__(
@@ -84,7 +85,7 @@ def raster(
 ) -> Terrain: ...
 def snapshot(file: _Path) -> Terrain: ...
 def tool(mesh: _Path, voxel: float) -> Bucket: ...
-def motions(scenario: _Path) -> dict[str, dict[str, npt.NDArray[np.float64]]]: ...
+def motions(scenario: _Path) -> dict[str, dict[str, Any]]: ...
 def points(file: _Path) -> npt.NDArray[np.float64]: ...
 def read_raster(
     file: _Path, box: _Numbers | None = ...
@@ -203,6 +204,7 @@ class Site:
         rotation: _Numbers | None = ...,
         pose: _Rows | None = ...,
         joints: _Joints | None = ...,
+        base: _Base | None = ...,
         time: float | None = ...,
     ) -> Update: ...
     def place(
@@ -213,6 +215,7 @@ class Site:
         rotation: _Numbers | None = ...,
         pose: _Rows | None = ...,
         joints: _Joints | None = ...,
+        base: _Base | None = ...,
         time: float | None = ...,
     ) -> Update: ...
     def update_path(
@@ -223,6 +226,7 @@ class Site:
         rotations: _Rows | None = ...,
         poses: Any = ...,
         joints: _Rows | Mapping[str, _Numbers] | None = ...,
+        base: tuple[_Rows, _Rows] | npt.NDArray[np.floating[Any]] | None = ...,
         times: _Numbers | None = ...,
     ) -> dict[str, npt.NDArray[np.float64]]: ...
     def joints(self, machine: int | str) -> list[str]: ...
@@ -233,6 +237,7 @@ class Site:
         self,
         machine: int | str,
         joints: _Joints | _Rows | Mapping[str, _Numbers] | None = ...,
+        base: Any = ...,
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def pour(self, until: float) -> None: ...
     def reset_clock(self, machine: int | str) -> None: ...
@@ -413,6 +418,7 @@ def _step_sites(
     rotations: Any,
     poses: Any,
     joints: Any,
+    base: Any,
     times: Any,
     threads: int | None,
 ) -> tuple[dict[str, npt.NDArray[Any]], dict[int, Any]]: ...

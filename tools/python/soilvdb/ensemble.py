@@ -82,7 +82,6 @@ class _Machine:
         self.position, self.rotation = errors(noise.position), errors(noise.rotation)
         self.joints = [errors(noise.joints.get(joint, noise.all_joints))
                        for joint in site.joints(machine)]
-        self.base = site.base(machine) if self.joints else None
         self.clones = clones
         self.time = math.nan
 
@@ -160,21 +159,22 @@ class Ensemble:
 
     def update(self, machine: int | str, *, position: _Numbers | None = None,
                rotation: _Numbers | None = None, joints: _Numbers | None = None,
-               time: float | None = None) -> Update:
+               base: Any = None, time: float | None = None) -> Update:
         """Site.update() of the site, and of each clone with its errors. Without time, drifting
         errors stay constant. A clone that would leave the terrain waits for the next state.
 
         Raises the errors of Site.update(); then no clone has moved either.
         """
         update = self._site.update(machine, position=position, rotation=rotation, joints=joints,
-                                   time=time)
+                                   base=base, time=time)
         own = self._machines[self._name(machine)]
         elapsed_s = own.elapsed_s(time)
-        if own.base is not None and joints is not None:
+        if joints is not None:
             values = own.erring_joints(np.asarray(joints, dtype=float), elapsed_s)
             positions, rotations = self._site.pose(machine, values)
             if own.rotation:
-                positions, rotations = turned_about(own.base, own.rotation.at(elapsed_s), positions,
+                positions, rotations = turned_about(self._site.base(machine),
+                                                    own.rotation.at(elapsed_s), positions,
                                                     rotations)
         else:
             turn = np.array((0.0, 0.0, 0.0, 1.0) if rotation is None else rotation, dtype=float)

@@ -72,17 +72,19 @@ class VectorSite:
         return self._sites
 
     def step(self, machine: int | str, *, positions: Any = None, rotations: Any = None,
-             poses: Any = None, joints: Any = None, times: Any = None) -> Steps:
+             poses: Any = None, joints: Any = None, base: Any = None,
+             times: Any = None) -> Steps:
         """One update of a machine in each site. A site whose state is refused stays as it is and
         says why; the others move.
 
         One of: positions (count, 3) with or without rotations (count, 4); poses (count, 4, 4);
-        joints (count, joints), or by name. times: (count,), or one for all, s.
+        joints (count, joints), or by name, with or without base: (positions, rotations) of the
+        machine's base, or (count, 4, 4). times: (count,), or one for all, s.
         """
         if times is not None:
             times = _per_site("times", times, (self.count,))
         columns, errors = _step_sites(self._sites, machine, positions, rotations, poses, joints,
-                                      times, self._threads)
+                                      base, times, self._threads)
         return Steps(**columns, errors=errors)
 
     def height_map(self, *, shape: tuple[int, int], cell: float, **which: Any) -> npt.NDArray[Any]:

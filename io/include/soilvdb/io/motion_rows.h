@@ -3,7 +3,6 @@
 // The rows of a motion as plain numbers, for the journal.
 #pragma once
 
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -17,19 +16,8 @@ inline bool same_bits(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
-/// The numbers of a pose in a row: x, y, z, qx, qy, qz, qw.
-inline std::array<double, 7> row_of(const Pose& pose) {
-  const Vec3& p = pose.position;
-  const auto& q = pose.rotation.coeffs();
-  return {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
-}
-/// The pose of seven numbers as in row_of().
-inline Pose pose_of(const double* v) {
-  return {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
-}
-
 struct MotionRows {
-  bool joints = false;      ///< else poses as in row_of()
+  bool joints = false;      ///< configurations of a chain; else poses as in row_of()
   std::size_t columns = 0;  ///< values per row
   std::vector<double> times_s, values;
 };

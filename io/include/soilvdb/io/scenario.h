@@ -73,9 +73,10 @@ struct SensorInput {
   std::optional<Chain> link = {};           ///< to that link; without it the bucket is meant
   /// Of the joints of `link`, their numbers among those of the machine.
   std::vector<std::size_t> joints = {};
+  std::size_t carrier_joints = 0;  ///< of the machine, with a `link`
 
   /// Where it is on its machine, world. @param bucket world_from_bucket, without a `link`
-  /// @param values of all joints of the machine, with a `link`
+  /// @param values a configuration of the machine's chain, with a `link`
   Pose carried(const Pose& bucket, std::span<const double> values) const;
 };
 

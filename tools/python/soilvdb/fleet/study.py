@@ -84,7 +84,10 @@ class Scene:
         if self.blades:  # a force after each row
             self._order = _single(self._order)
         sources = study.noise.sources()
-        self._floats = study.noise.moves_base() and any(self._joints.values())
+        # Of machines that drive, the rows have the base, to which its errors are added.
+        self._floats = ({name for name, joints in self._joints.items()
+                         if joints and "base" not in self.motions[name]}
+                        if study.noise.moves_base() else set())
         self._each_opened = any(s.startswith(("bucket.", "terrain.", "soil.")) for s in sources)
         self._undug = self._open(None) if self._floats else self.nominal.clone()
         self.end_s = max([m["times"][-1] for m in self.motions.values()]
@@ -171,9 +174,12 @@ class Scene:
                 joints = given["joints"]
                 if draw:
                     joints = joints + draw.joints(name, times, self._joints[name])
-                if self._floats:
+                if name in self._floats:
                     joints = np.hstack([position @ self._world_from_base(name), rotation, joints])
                 given["joints"] = joints
+                if "base" in given and draw:
+                    given["base"] = (given["base"][0] + position,
+                                     turned(given["base"][1], rotation))
             elif draw:
                 given["positions"] = given["positions"] + position
                 given["rotations"] = turned(given["rotations"], rotation)
@@ -203,7 +209,8 @@ class Scene:
                 machine.pop(key, None)
             if "urdf" in machine:
                 machine["urdf"] = str(self._floating(beside / machine["urdf"], machine["name"])
-                                      if self._floats else beside / machine["urdf"])
+                                      if machine["name"] in self._floats
+                                      else beside / machine["urdf"])
             for key, sigma in self.study.noise.bucket.items():
                 half = machine["bucket"][key] / 2
                 if draw:
@@ -271,7 +278,10 @@ class Scene:
         columns = [rows["times"][:, None]]
         if "joints" in rows:
             columns.append(rows["joints"])
-            header = ["time", *(BASE if self._floats else ()), *self._joints[name]]
+            header = ["time", *(BASE if name in self._floats else ()), *self._joints[name]]
+            if "base" in rows:
+                columns += rows["base"]
+                header += [f"base_{axis}" for axis in ("x", "y", "z", "qx", "qy", "qz", "qw")]
         else:
             columns += [rows["positions"], rows["rotations"]]
             header = ["time", "x", "y", "z", "qx", "qy", "qz", "qw"]
@@ -294,7 +304,7 @@ class Scene:
         places = []
         for name in self.names:
             rows = self.motions[name]
-            at = (self.nominal.pose(name, rows["joints"])[0] if "joints" in rows
+            at = (self.nominal.pose(name, rows["joints"], rows.get("base"))[0] if "joints" in rows
                   else rows["positions"])
             places.append(at[:, :2])
         return np.concatenate(places)
@@ -379,7 +389,8 @@ class Scene:
         force = {name: np.full((len(rows[name]["times"]), 4), np.nan) for name in self.blades}
         waited = 0
         for name, begin, end in order:
-            part = {key: values[begin:end] for key, values in rows[name].items()}
+            part = {key: (tuple(each[begin:end] for each in values) if key == "base"
+                          else values[begin:end]) for key, values in rows[name].items()}
             try:
                 updates = site.update_path(name, **part)
             except soilvdb.NoGroundError:

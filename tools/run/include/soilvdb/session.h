@@ -108,18 +108,22 @@ class Session {
   bool is_retired(std::size_t machine) const;
   /// Are they the other's, with buckets and joints?
   bool has_machines_of(const Session& other) const;
-  /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
-  /// chain, or another number of joints
-  Pose pose(std::size_t machine, std::span<const double> joints) const;
+  /// world_from_bucket of a machine at joint values. @param base empty: where it stands
+  /// @throw std::invalid_argument if it has no chain, or another number of joints
+  Pose pose(std::size_t machine, std::span<const double> joints,
+            const std::optional<Pose>& base = {}) const;
+  /// world_from_root of a machine's chain, as of its last state.
+  /// @throw std::invalid_argument if it has no chain
+  Pose base(std::size_t machine) const;
 
   /// A machine's last state, with its pose also if it was given by joints; empty before the first.
   /// The joints are valid until the next update.
   std::optional<MachineState> last(std::size_t machine) const;
 
   /// Whether states that no machine has are refused, as `soilvdb run` refuses such rows: joints
-  /// beyond their limits or wrapped, more than 100 m from the last state, and, if times are known,
-  /// more than 50 m/s, 10 rad/s or twice a joint's velocity limit. At first they are; clones take
-  /// the setting over.
+  /// beyond their limits or wrapped, a bucket or base more than 100 m from the last state, and, if
+  /// times are known, more than 50 m/s, 10 rad/s or twice a joint's velocity limit. At first they
+  /// are; clones take the setting over.
   void set_limits(bool on);
   bool limits() const;
   /// Why no machine has such a state after its last one; empty if one may have.

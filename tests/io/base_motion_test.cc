@@ -1,0 +1,175 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Motions of machines that drive: the base beside the joints.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include "soilvdb/io/motion_file.h"
+#include "tests/support/mcap_fixture.h"
+
+namespace soilvdb::io {
+namespace base_motion_test {
+
+using ::testing::HasSubstr;
+
+constexpr double kRounding = 1e-9;  // m and rad
+
+Chain two_joints() {
+  Chain chain;
+  chain.world_from_root = {{1, 2, 3}, from_rpy(0.1, 0.2, 0.3)};
+  chain.joints = {{"boom", Joint::Type::kRevolute, {}, Vec3::UnitY(), -1, 1},
+                  {"stick", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 4}};
+  return chain;
+}
+
+struct Row {
+  double time_s = 0, boom = 0, stick = 0;
+  Vec3 position = Vec3::Zero(), rpy = Vec3::Zero();
+
+  Pose base() const { return {position, from_rpy(rpy.x(), rpy.y(), rpy.z())}; }
+  Pose bucket() const {
+    Chain chain = two_joints();
+    chain.world_from_root = base();
+    return chain.world_from_bucket(std::array{boom, stick});
+  }
+};
+
+std::vector<Row> rows(int count, std::uint64_t seed = 1) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> any(-1, 1);
+  std::vector<Row> all;
+  Row at{1'700'000'000, 0, 2, {500000, 5400000, 400}, {}};
+  for (int i = 0; i < count; ++i) {
+    at.time_s = 1'700'000'000 + 0.01 * i;
+    at.boom = 0.9 * std::sin(0.02 * i);
+    at.stick = 2 + std::sin(0.01 * i) / 3;
+    at.position += 0.02 * Vec3(1 + any(random), any(random), 0.1 * any(random));
+    at.rpy += 0.02 * Vec3(0.1 * any(random), 0.1 * any(random), any(random));
+    all.push_back(at);
+  }
+  return all;
+}
+
+std::string rpy_csv(const std::vector<Row>& all, double unit = 1) {
+  std::string text = "time,boom,stick,base_x,base_y,base_z,base_roll,base_pitch,base_yaw\n";
+  for (const Row& r : all)
+    text += fmt::format("{:.2f},{},{},{},{},{},{},{},{}\n", r.time_s, r.boom / unit, r.stick,
+                        r.position.x(), r.position.y(), r.position.z(), r.rpy.x() / unit,
+                        r.rpy.y() / unit, r.rpy.z() / unit);
+  return text;
+}
+
+/// @param prefix of the base's columns @param joints also those of the joints
+std::string quaternion_csv(const std::vector<Row>& all, const std::string& prefix = "base_",
+                           bool joints = true) {
+  std::string text = fmt::format("time,{1}{0}x,{0}y,{0}z,{0}qx,{0}qy,{0}qz,{0}qw\n", prefix,
+                                 joints ? "boom,stick," : "");
+  for (const Row& r : all) {
+    const auto v = row_of(r.base());
+    text += fmt::format("{:.2f},", r.time_s);
+    if (joints) text += fmt::format("{},{},", r.boom, r.stick);
+    text += fmt::format("{},{},{},{:.6f},{:.6f},{:.6f},{:.6f}\n", v[0], v[1], v[2], v[3], v[4],
+                        v[5], v[6]);
+  }
+  return text;
+}
+
+std::string joints_csv(const std::vector<Row>& all) {
+  std::string text = "time,boom,stick\n";
+  for (const Row& r : all) text += fmt::format("{:.2f},{},{}\n", r.time_s, r.boom, r.stick);
+  return text;
+}
+
+class BaseMotion : public RecordedMotion {
+ protected:
+  Motion csv(const std::string& text, AngleUnit unit = AngleUnit::kRadians) const {
+    return read_motion(folder_.write("m.csv", text), two_joints(), unit).motion;
+  }
+  std::string csv_error(const std::string& text) const {
+    return error(MotionSource(folder_.write("m.csv", text)), two_joints());
+  }
+};
+
+TEST_F(BaseMotion, OfCsvIsThatOfChainsThatStandThereRowByRow) {
+  const std::vector<Row> all = rows(200);
+  const Motion by_angles = csv(rpy_csv(all)), by_quaternion = csv(quaternion_csv(all)),
+               in_degrees = csv(rpy_csv(all, std::numbers::pi / 180), AngleUnit::kDegrees);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Pose wanted = all[i].bucket();
+    EXPECT_LT((by_angles.row(i).position - wanted.position).norm(), kRounding);
+    EXPECT_LT((in_degrees.row(i).position - wanted.position).norm(), 1e-8);
+    EXPECT_LT((by_quaternion.row(i).position - wanted.position).norm(), 1e-5) << "six decimals";
+    EXPECT_LT(
+        (by_angles.row(i).rotation.toRotationMatrix() - wanted.rotation.toRotationMatrix()).norm(),
+        kRounding);
+  }
+  // In between joints are even, and the base as a pose.
+  for (std::size_t i = 1; i < all.size(); ++i) {
+    const Row &a = all[i - 1], &b = all[i];
+    Chain chain = two_joints();
+    chain.world_from_root = interpolate(a.base(), b.base(), 0.25);
+    const Pose wanted = chain.world_from_bucket(
+        std::array{a.boom + 0.25 * (b.boom - a.boom), a.stick + 0.25 * (b.stick - a.stick)});
+    const double time_s =
+        by_angles.times_s()[i - 1] + 0.25 * (by_angles.times_s()[i] - by_angles.times_s()[i - 1]);
+    // Times since 1970 are rounded to a part of a row.
+    EXPECT_LT((by_angles.pose(time_s).position - wanted.position).norm(), 1e-5);
+  }
+}
+
+TEST_F(BaseMotion, WithoutItsColumnsStandsWhereTheScenarioSays) {
+  const Motion motion = csv(joints_csv(rows(5)));
+  for (std::size_t i = 0; i < 5; ++i) {
+    const Row r = rows(5)[i];
+    EXPECT_EQ(motion.row(i).position,
+              two_joints().world_from_bucket(std::array{r.boom, r.stick}).position);
+  }
+}
+
+TEST_F(BaseMotion, SaysWhatIsWrongWithItsColumns) {
+  const std::string joints = "time,boom,stick,", row = "\n0,0,1,0,0,0\n";
+  EXPECT_THAT(csv_error(joints + "base_x,base_y" + row),
+              HasSubstr("m.csv:1: column 'base_z' is missing; the pose of the machine's base needs "
+                        "base_x,base_y,base_z"));
+  EXPECT_THAT(csv_error(joints + "base_yaw" + row), HasSubstr("columns 'base_x', 'base_y'"));
+  EXPECT_THAT(csv_error(joints + "base_x,base_y,base_z,base_qw" + row),
+              HasSubstr("a quaternion needs base_qx,base_qy,base_qz,base_qw"));
+  EXPECT_THAT(csv_error(joints + "base_x,base_y,base_z,base_yaw,base_qw" + row),
+              HasSubstr("has both angles (base_roll, base_pitch, base_yaw) and a quaternion "
+                        "(base_qx, base_qy, base_qz, base_qw); keep one"));
+  // A joint may have such a name.
+  Chain chain = two_joints();
+  chain.joints[1].name = "base_x";
+  const Motion motion =
+      read_motion(folder_.write("m.csv", "time,boom,base_x\n0,0,1\n1,0,1\n"), chain).motion;
+  EXPECT_EQ(motion.joint_values().size(), 4u);
+}
+
+TEST_F(BaseMotion, HasBadRowsWhereNoMachineDrives) {
+  const auto bad = [&](const std::string& row) {
+    const std::string head = "time,boom,stick,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw";
+    return csv_error(head + "\n0,0,1,0,0,0,0,0,0,1\n" + row + "\n");
+  };
+  EXPECT_THAT(
+      bad("0.1,0,1,9,0,0,0,0,0,1"),
+      HasSubstr("m.csv:3: the base moves 9 m in 0.1 s since the row before; no machine does "
+                "more than 50 m/s"));
+  EXPECT_THAT(bad("0.1,0,1,0,0,0,0,0,1,0"), HasSubstr("m.csv:3: the base turns 3.14 rad in 0.1 s"));
+  EXPECT_THAT(
+      bad("0.1,0,1,0,0,0,0,0,0,2"),
+      HasSubstr("m.csv:3: the quaternion base_qx,base_qy,base_qz,base_qw has the norm 2; it "
+                "must be 1"));
+  EXPECT_THAT(bad("0.1,0,1,nan,0,0,0,0,0,1"), HasSubstr("m.csv:3: base_x is nan; it must be"));
+  EXPECT_THAT(bad("0.1,0,1,1e300,0,0,0,0,0,1"), HasSubstr("m.csv:3: base_x is 1e300"));
+  EXPECT_THAT(bad("0,0,1,0.01,0,0,0,0,0,1"), HasSubstr("two rows of one time must be the same"));
+}
+
+}  // namespace base_motion_test
+}  // namespace soilvdb::io
