@@ -135,7 +135,10 @@ std::unique_ptr<RowSource> mcap_rows(const MotionSource& source,
       throw InputError(source.file, fmt::format("{} has joints; the machine needs a urdf for them, "
                                                 "or another topic, with poses or transforms",
                                                 topics));
-    if (wanted.frame.empty()) return mcap_joint_rows(source, facts, *chain);
+    if (wanted.frame.empty()) {
+      auto rows = mcap_joint_rows(source, facts, *chain);
+      return wanted.base ? mcap_base_rows(std::move(rows), source) : std::move(rows);
+    }
   } else if (chain) {
     throw InputError(source.file,
                      fmt::format("{} has poses, and the machine a urdf; name a topic of "

@@ -127,9 +127,17 @@ class TrackRows : public McapRows {
   bool ended_ = false, looked_at_end_ = false;
 };
 
+/// A track can't be interpolated beyond its ends: there a row uses a sample that is this close, or
+/// one and a half usual intervals.
+inline constexpr std::int64_t kMostEnd_ns = 250'000'000;
+
 std::unique_ptr<RowSource> mcap_joint_rows(const MotionSource& source,
                                            const std::shared_ptr<const McapFacts>& facts,
                                            const Chain& chain);
+/// Rows of joints with the base's pose at their times.
+/// @throw InputError if the source's base has no poses
+std::unique_ptr<RowSource> mcap_base_rows(std::unique_ptr<RowSource> joints,
+                                          const MotionSource& source);
 /// The pose of the source's frame in its parent, if no transform between them moves.
 /// @throw InputError if the frame is unknown, or not below the parent
 std::optional<Pose> fixed_pose(const MotionSource& source, const McapFacts& facts);

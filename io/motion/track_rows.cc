@@ -11,8 +11,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-// A track can't be interpolated beyond its ends: there a row uses a sample that is this close.
-constexpr std::int64_t kMostEnd_ns = 250'000'000;
 constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;  // three years: 64 bits hold a few
 
 std::string seconds(std::int64_t ns) {

@@ -235,6 +235,17 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
 }
 
+/// @param whose frame it is
+McapTopic read_topic(const YamlMap& map, const std::string& name, const std::string& whose) {
+  if (map.has("parent") && !map.has("frame"))
+    map.fail("parent",
+             fmt::format("'parent' goes with 'frame', the {}'s, which is seen from there; "
+                         "add that, or remove 'parent'",
+                         whose));
+  return {name, map.has("frame") ? map.text("frame") : "",
+          map.has("parent") ? map.text("parent") : ""};
+}
+
 /// The motion's CSV file, or its topic in MCAP files.
 MotionSource read_motion_source(const YamlMap& machine) {
   if (!machine.is_map("motion")) {
@@ -246,15 +257,17 @@ MotionSource read_motion_source(const YamlMap& machine) {
                                          path.string()));
     return read_path(machine, "motion");
   }
-  const YamlMap map = machine.map("motion", {"mcap", "topic", "frame", "parent"});
+  const YamlMap map = machine.map("motion", {"mcap", "topic", "frame", "parent", "base"});
   std::vector<std::string> topics = map.texts("topic");
-  McapTopic topic{topics.front(), map.has("frame") ? map.text("frame") : "",
-                  map.has("parent") ? map.text("parent") : ""};
+  McapTopic topic = read_topic(map, topics.front(), "bucket");
   topic.more_topics.assign(topics.begin() + 1, topics.end());
-  if (map.has("parent") && !map.has("frame"))
-    map.fail("parent",
-             "'parent' goes with 'frame', the bucket's, which is seen from there; add "
-             "that, or remove 'parent'");
+  if (map.has("base")) {
+    if (!machine.has("urdf"))
+      map.fail("base",
+               "'base' is where a machine with a 'urdf' stands; add that, or remove 'base'");
+    const YamlMap base = map.map("base", {"topic", "frame", "parent"});
+    topic.base = std::make_shared<McapTopic>(read_topic(base, base.text("topic"), "urdf's root"));
+  }
   std::vector<std::filesystem::path> files;
   for (const auto& path : map.paths("mcap")) {
     try {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Motions of machines that drive: the base beside the joints.
+// Motions of machines that drive: the base beside the joints, in CSV and in recordings.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -87,6 +87,13 @@ std::string joints_csv(const std::vector<Row>& all) {
   return text;
 }
 
+void expect_same_bits(const Motion& a, const Motion& b) {
+  ASSERT_EQ(a.times_s(), b.times_s());
+  ASSERT_EQ(a.joint_values().size(), b.joint_values().size());
+  for (std::size_t i = 0; i < a.joint_values().size(); ++i)
+    ASSERT_EQ(a.joint_values()[i], b.joint_values()[i]) << i;
+}
+
 class BaseMotion : public RecordedMotion {
  protected:
   Motion csv(const std::string& text, AngleUnit unit = AngleUnit::kRadians) const {
@@ -94,6 +101,11 @@ class BaseMotion : public RecordedMotion {
   }
   std::string csv_error(const std::string& text) const {
     return error(MotionSource(folder_.write("m.csv", text)), two_joints());
+  }
+  static MotionSource source(const std::filesystem::path& file, McapTopic base) {
+    MotionSource all(file, {"/joint_states"});
+    all.mcap.base = std::make_shared<McapTopic>(std::move(base));
+    return all;
   }
 };
 
@@ -169,6 +181,107 @@ TEST_F(BaseMotion, HasBadRowsWhereNoMachineDrives) {
   EXPECT_THAT(bad("0.1,0,1,nan,0,0,0,0,0,1"), HasSubstr("m.csv:3: base_x is nan; it must be"));
   EXPECT_THAT(bad("0.1,0,1,1e300,0,0,0,0,0,1"), HasSubstr("m.csv:3: base_x is 1e300"));
   EXPECT_THAT(bad("0,0,1,0.01,0,0,0,0,0,1"), HasSubstr("two rows of one time must be the same"));
+}
+
+TEST_F(BaseMotion, OfRecordingsIsThatOfTheSameNumbersAsCsvInParts) {
+  const std::vector<Row> all = rows(static_cast<int>(2 * MotionFile::kPartSteps + 300));
+  folder_.write("joints.csv", joints_csv(all));
+  folder_.write("tf.csv", quaternion_csv(all, "", false));
+  const std::string command = fmt::format(
+      "cd '{}' && python3 '{}/tests/mcap/make_mcap.py' m.mcap --chunk 999 --compression zstd "
+      "joints:/joint_states:joints.csv tf:/tf:map:root:tf.csv pose:/root:tf.csv",
+      folder_.path().string(), SOILVDB_SOURCE_DIR);
+  ASSERT_EQ(std::system(command.c_str()), 0) << command;
+  std::vector<std::string> warnings;
+  const auto open = [&](const MotionSource& from) {
+    return MotionFile(
+        from, two_joints(), AngleUnit::kRadians, OnBadRow::kStop,
+        [](const Motion&, std::int64_t) {}, warnings);
+  };
+  const MotionFile text = open(folder_.write("m.csv", quaternion_csv(all)));
+  for (const McapTopic& base :
+       {McapTopic{"/tf", "root", "map"}, McapTopic{"/tf", "root"}, McapTopic{"/root"}}) {
+    const MotionFile recorded = open(source(folder_ / "m.mcap", base));
+    EXPECT_EQ(recorded.rows(), text.rows());
+    ASSERT_EQ(recorded.parts(), 3u);
+    for (const std::size_t part : {0u, 2u, 1u}) {
+      const auto a = recorded.part(part), b = text.part(part);
+      expect_same_bits(*a, *b);
+    }
+  }
+  EXPECT_TRUE(warnings.empty());
+}
+
+TEST_F(BaseMotion, OfRecordingsIsInterpolatedAtTheStampsOfTheJoints) {
+  // The base drives 2 m/s along x and is sent five times a second, on a cart that stands at y 7.
+  const auto file = record("m.mcap", [](Recording& to) {
+    to.transform(0, "map", "cart", {0, 7, 0}, {}, "/tf_static");
+    for (int i = 0; i <= 200; ++i) {
+      if (i % 20 == 3) to.transform(100 + 0.01 * i, "cart", "root", {0.02 * i, 0, 0});
+      to.joints("/joint_states", 100 + 0.01 * i, {"boom", "stick"}, {0, 1});
+    }
+  });
+  const Read got = read(source(file, {"/tf", "root"}), two_joints());
+  ASSERT_EQ(got.times_s.size(), 201u);
+  EXPECT_EQ(got.bad.count, 0);
+  for (std::size_t i = 0; i < got.times_s.size(); ++i) {
+    // Before its first transform and after its last the base stands.
+    const double driven_m = 0.02 * std::clamp(static_cast<double>(i), 3.0, 183.0);
+    EXPECT_LT((got.positions[i] - Vec3(1 + driven_m, 7, 0)).norm(), kRounding) << i;
+  }
+}
+
+TEST_F(BaseMotion, OfRecordingsIsUnknownInGapsAndBeyondItsEnds) {
+  const auto file = record("m.mcap", [](Recording& to) {
+    for (int i = 0; i <= 1000; ++i) {
+      const bool sent = i >= 100 && i <= 900 && !(i > 400 && i < 600);
+      if (sent) to.transform(100 + 0.01 * i, "map", "root", {0.001 * i, 0, 0});
+      if (sent) to.pose("/pose", 100 + 0.01 * i, {0.001 * i, 0, 0});
+      to.joints("/joint_states", 100 + 0.01 * i, {"boom", "stick"}, {0, 1});
+    }
+  });
+  for (const McapTopic& base : {McapTopic{"/tf", "root"}, McapTopic{"/pose"}}) {
+    const Read got = read(source(file, base), two_joints());
+    for (const double time_s : got.times_s) {
+      EXPECT_TRUE((time_s > 100.74 && time_s < 104.005) || (time_s > 105.995 && time_s < 109.26))
+          << time_s;
+    }
+    EXPECT_EQ(got.times_s.size() + static_cast<std::size_t>(got.bad.count), 1001u);
+    EXPECT_NEAR(static_cast<double>(got.bad.count), 75 + 199 + 75, 1);
+    EXPECT_THAT(got.bad.first,
+                HasSubstr("m.mcap:1: the base isn't known at 100.000000000 s: its first pose is at "
+                          "101.000000000 s"));
+  }
+}
+
+TEST_F(BaseMotion, OfRecordingsMayStand) {
+  const auto file = record("m.mcap", [](Recording& to) {
+    to.transform(0, "map", "root", {5, 6, 7}, {}, "/tf_static");
+    to.transform(100, "root", "lidar", {0, 0, 1});
+    for (int i = 0; i < 10; ++i)
+      to.joints("/joint_states", 100 + 0.1 * i, {"boom", "stick"}, {0, 1});
+  });
+  for (const Vec3& at : read(source(file, {"/tf", "root"}), two_joints()).positions)
+    EXPECT_LT((at - Vec3(6, 6, 7)).norm(), kRounding);
+}
+
+TEST_F(BaseMotion, OfRecordingsSaysWhatIsMissing) {
+  const auto file = record("m.mcap", [](Recording& to) {
+    for (int i = 0; i < 10; ++i) {
+      to.transform(100 + 0.1 * i, "map", "root", {0.1 * i, 0, 0});
+      to.joints("/joint_states", 100 + 0.1 * i, {"boom", "stick"}, {0, 1});
+    }
+  });
+  const auto why = [&](const McapTopic& base) { return error(source(file, base), two_joints()); };
+  EXPECT_THAT(why({"/tf", "rot"}),
+              HasSubstr("has no transform of frame 'rot'; did you mean 'root'"));
+  EXPECT_THAT(why({"/tf", "root", "world"}), HasSubstr("frame 'root' isn't below 'world'"));
+  EXPECT_THAT(why({"/tf"}),
+              HasSubstr("say which is the frame of the urdf's root, as 'frame: NAME' in "
+                        "'base:'"));
+  EXPECT_THAT(why({"/joint_states"}),
+              HasSubstr("topic '/joint_states' has joints; a base needs transforms or poses"));
+  EXPECT_THAT(why({"/odom"}), HasSubstr("has no message of topic '/odom'; its topics are"));
 }
 
 }  // namespace base_motion_test

@@ -220,6 +220,16 @@ TEST_F(ScenarioFile, MachinesByJointsNeedTheirParts) {
   EXPECT_EQ(of("    urdf: m.urdf\n    lip: {link: bucket_link, rpy: [0, 90deg, 0]}"),
             "s.yaml:15: rpy is '90deg'; it must be a number");
   EXPECT_EQ(
+      error(13, "    motion: {mcap: m.mcap, topic: /a, base: {topic: /tf, frame: root}}"),
+      "s.yaml:13: 'base' is where a machine with a 'urdf' stands; add that, or remove 'base'");
+  const std::string by_joints = "    urdf: m.urdf\n    lip: {link: bucket_link}\n";
+  EXPECT_EQ(error(13, by_joints + "    motion: {mcap: m.mcap, topic: /a, base: {frame: root}}"),
+            "s.yaml:15: key 'topic' is missing in base");
+  EXPECT_EQ(error(13, by_joints +
+                          "    motion: {mcap: m.mcap, topic: /a, base: {topic: /tf, parent: map}}"),
+            "s.yaml:15: 'parent' goes with 'frame', the urdf's root's, which is seen from there; "
+            "add that, or remove 'parent'");
+  EXPECT_EQ(
       error(13, "    motion: m.csv\n    urdf: m.urdf\n    lip: {link: bucket_link}"),
       "m.csv:1: column 'boom' is missing; the machine has a urdf, so its motion needs a column "
       "for each joint from the root to the lip: 'boom'");

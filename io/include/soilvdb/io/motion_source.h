@@ -24,6 +24,8 @@ struct McapTopic {
   /// Facts that a reader has learnt of the files, for a reader that begins in their middle.
   std::shared_ptr<const McapFacts> facts = {};
   std::vector<std::string> more_topics = {};  ///< for JointState: topics of more joints
+  /// For JointState, of a machine that drives: messages with the poses of its base.
+  std::shared_ptr<const McapTopic> base = {};
 };
 
 struct MotionSource {
