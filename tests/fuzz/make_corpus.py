@@ -68,6 +68,7 @@ hoppers:
 POSES = 'time,x,y,z,pitch\n0,0,0,0.1,0\n0.5,0.3,0,-0.1,0.1\n1,0.6,0,-0.1,0.2\n1.5,0.8,0,0.2,0.5\n'
 QUATERNIONS = 'time,x,y,z,qx,qy,qz,qw,note\n0,1,2,3,0,0,0,1,"a, b"\n1e-3,2,2,3,0.6,0,0,0.8,\n'
 JOINTS = '\ufefftime , boom,stick\r\n0,0.1,1\r\n1,0.5,+1.5\r\n2,1.5,-.5e0\r\n\r\n'
+DRIVES = 'time,boom,stick,base_x,base_y,base_z,base_yaw\n0,0.1,1,5e5,0,1,0\n1,0.5,1.5,500001,0,1,0.3\n'
 MACHINE = '''<?xml version="1.0"?>
 <robot name="m">
   <!-- four links -->
@@ -231,6 +232,7 @@ def main():
   write('motion', 'poses', POSES)
   write('motion', 'quaternions', QUATERNIONS)
   write('motion', 'joints', JOINTS)
+  write('motion', 'drives', DRIVES)
   write('urdf', 'machine', MACHINE)
   points()
   live_scans()

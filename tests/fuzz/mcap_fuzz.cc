@@ -3,6 +3,7 @@
 // MCAP files as motions by joints, poses and transforms: read whole, and in parts, which must have
 // the same rows.
 #include <algorithm>
+#include <memory>
 
 #include "soilvdb/io/motion_csv.h"
 #include "tests/fuzz/fuzz.h"
@@ -56,6 +57,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const Chain chain = two_joints();
   const auto file = folder.write("motion.mcap", fuzz::text(data, size));
   read({file, {"/j"}}, chain);
+  for (const io::McapTopic& base : {io::McapTopic{"/p"}, io::McapTopic{"/tf", "base", "map"}}) {
+    io::MotionSource drives(file, {"/j"});
+    drives.mcap.base = std::make_shared<io::McapTopic>(base);
+    read(drives, chain);
+  }
   read({file, {"/p"}}, std::nullopt);
   read({file, {"/tf", "lip"}}, std::nullopt);
   read({file, {"/tf", "lip", "base"}}, std::nullopt);

@@ -160,5 +160,35 @@ TEST_F(Resume, RefusesAMachineThatHasChanged) {
   good("resume o");
 }
 
+TEST_F(Resume, OfAMachineThatDrivesRefusesWhatWasDugElsewhere) {
+  write_file(
+      folder() / "m.urdf",
+      "<robot name=\"m\"><link name=\"root\"/><link name=\"tip\"/>\n"
+      "<joint name=\"slide\" type=\"prismatic\"><parent link=\"root\"/><child link=\"tip\"/>\n"
+      "<origin xyz=\"0 0 -0.1\"/><axis xyz=\"1 0 0\"/><limit lower=\"-9\" upper=\"9\"/></joint>\n"
+      "</robot>\n");
+  const auto csv = [&](double at_10_m) {
+    std::string text = "time,slide,base_x,base_y,base_z,base_yaw\n";
+    for (int i = 0; i <= 40; ++i)
+      text += fmt::format("{},{},{},0,0,{}\n", i / 8.0, i / 80.0, i == 10 ? at_10_m : i / 80.0,
+                          i / 400.0);
+    write_file(folder() / "dig.csv", text);
+  };
+  csv(0.125);
+  write_file(
+      folder() / "dig.yaml",
+      half_sine_scenario("{plane: {z: 0}}", "dig.csv\n    urdf: m.urdf\n    lip: {link: tip}",
+                         "{snapshots: {every: 1}, journal: {sync: always}}"));
+  good("run dig.yaml --out whole");
+  good("run dig.yaml --out o");
+  fs::resize_file(folder() / "o/journal", fs::file_size(folder() / "o/journal") * 3 / 5);
+  csv(0.13);
+  expect_refused("resume o", "dig.csv:12: base_x is 0.13, but was dug as 0.125; restore it");
+  csv(0.125);
+  good("resume o");
+  EXPECT_EQ(read_json(folder() / "o/summary.json")["state_hash"],
+            read_json(folder() / "whole/summary.json")["state_hash"]);
+}
+
 }  // namespace resume_inputs_test
 }  // namespace soilvdb::test
