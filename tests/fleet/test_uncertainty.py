@@ -222,6 +222,34 @@ def test_an_error_of_the_base_is_the_base_being_elsewhere(tmp_path):
     assert abs(found.load_m3["digger"][-1] - noisy.dig(None).load_m3["digger"][-1]) > 1e-3
 
 
+def test_an_error_of_the_base_of_a_machine_that_drives_is_added_to_its_rows(tmp_path):
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="r"><link name="root"/><link name="bucket"/><joint name="tip" type="revolute">'
+        '<parent link="root"/><child link="bucket"/><origin xyz="2 0 -0.2"/><axis xyz="0 1 0"/>'
+        '<limit lower="-2" upper="2" effort="0" velocity="2"/></joint></robot>')
+    (tmp_path / "arm.csv").write_text("time,tip,base_x,base_y,base_z,base_yaw\n" + "".join(
+        f"{t / 10},{0.2 - 0.2 * t / 50},{10 + 2 * t / 50},20,0,{0.3 - t / 200}\n" for t in range(51)))
+    path = tmp_path / "drives.yaml"
+    path.write_text("soilvdb: 1\nvoxel_size: 0.05\nterrain: {plane: {z: 0.0}}\nmachines:\n"
+                    "  - {name: digger, bucket: {width: 1.0, height: 0.6}, motion: arm.csv, "
+                    "urdf: arm.urdf, lip: {link: bucket}}\n")
+    drives = scene(path, {"position": {"bias": [0.05, 0.05, 0.05], "white": 0.001},
+                          "rotation": {"bias": [0, 0, 0.1]}})
+    draw = drives.study.noise.draw(3, 0)
+    rows = drives.motions["digger"]
+    position, rotation = draw.base("digger", rows["times"])
+    yaw = 0.3 - np.arange(51) / 200 + rotation[:, 2]
+    zero = np.zeros(51)
+    base = (rows["base"][0] + position,
+            np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=1))
+    site = soilvdb.Site.open(path, limits=False)
+    right = site.update_path("digger", times=rows["times"], joints=rows["joints"], base=base)
+    found = drives.dig(draw)
+    assert right["bucket_m3"][-1] > 0.2
+    assert found.load_m3["digger"] == pytest.approx(right["bucket_m3"], abs=1e-5)
+    assert abs(found.load_m3["digger"][-1] - drives.dig(None).load_m3["digger"][-1]) > 1e-3
+
+
 def test_machines_dig_in_the_order_of_a_run(tmp_path):
     """Two that work in one place, in soil that moves, brought to rest: the run's figures."""
     for name, y in (("a", 0.0), ("b", 0.5)):
