@@ -50,7 +50,8 @@ class CsvRows : public RowSource {
     }
     for (std::size_t i = 0; i < v.size(); ++i) {
       if (columns_.fields[i] == Columns::kNone) continue;
-      v[i] = row_number(lines_, columns_.names[i], fields_[columns_.fields[i]]);
+      v[i] = i == 0 ? row_time(lines_, fields_[columns_.fields[i]])
+                    : row_number(lines_, columns_.names[i], fields_[columns_.fields[i]]);
     }
   }
   std::string time_text() const override { return std::string(fields_[columns_.fields[0]]); }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/file/instant.h"
 #include "io/file/text.h"
 #include "io/motion/motion_angles.h"
 #include "soilvdb/io/motion_rows.h"
@@ -159,6 +160,15 @@ double row_number(const RowPlace& lines, const std::string& name, std::string_vi
   }
   check_range(lines, name, *value, field);
   return *value;
+}
+
+double row_time(const RowPlace& lines, std::string_view field) {
+  if (!is_date(field)) return row_number(lines, "time", field);
+  try {
+    return date_time_s(field);
+  } catch (const std::invalid_argument& e) {
+    lines.fail(fmt::format("time: {}", e.what()));
+  }
 }
 
 void check_number(const RowPlace& lines, const std::string& name, double value) {

@@ -20,6 +20,8 @@ namespace soilvdb::inline v0::io {
 
 /// The number in a field of column `name`, if a sensor could have sent it.
 double row_number(const RowPlace& lines, const std::string& name, std::string_view field);
+/// The time of a row, s: a number, or a date_time_s().
+double row_time(const RowPlace& lines, std::string_view field);
 /// The same check for a number that is not text.
 void check_number(const RowPlace& lines, const std::string& name, double value);
 

@@ -57,6 +57,19 @@ TEST_F(MotionCsv, SecondsSince1970AndUtmCoordinatesKeepTheirDigits) {
   EXPECT_EQ(motion.pose(0).position, Vec3(512345.6789, 5403210.1234, 431.5));
 }
 
+TEST_F(MotionCsv, TimesMayBeDates) {
+  const auto motion = read(
+                          "time,x,y,z\n2026-05-01T07:00:00Z,0,0,0\n"
+                          "2026-05-01T09:00:00.25+02:00,0.1,0,0\n1777618800.5,0.2,0,0\n")
+                          .motion;
+  EXPECT_EQ(motion.times_s(), (std::vector<double>{1777618800, 1777618800.25, 1777618800.5}));
+  EXPECT_EQ(error("time,x,y,z\n2026-05-01T07:00:00,0,0,0\n"),
+            "m.csv:2: time: '2026-05-01T07:00:00' has no offset from UTC, such as Z or +02:00; a "
+            "time in ISO 8601 is such as 2026-05-01T07:00:00.25+02:00");
+  EXPECT_EQ(error("time,x,y,z\n0,2026-05-01T07:00:00Z,0,0\n"),
+            "m.csv:2: x is '2026-05-01T07:00:00Z'; it must be a number");
+}
+
 TEST_F(MotionCsv, ColumnsItHasNoUseForAreSkippedUnreadWithOneWarning) {
   const auto [motion, warnings] =
       read("time,x,y,z,phase,load\n0,0,0,0,\"dig, deep\",nan\n1,0,0,0,lift,\n");

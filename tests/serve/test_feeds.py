@@ -7,6 +7,7 @@ import shlex
 import socket
 import threading
 import time
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -47,6 +48,46 @@ def test_force_is_told_to_who_asks(tmp_path):
         refused, = server.feed([{**next(passes("digger", 0, 0.2, 40)), "force": True}])
         assert "needs the scenario's 'soil'" in refused["error"]
         assert server.json("/summary.json")["updates"] == 0
+
+
+def test_times_may_be_dates_or_gps_times(tmp_path):
+    """The same ground, ledger and recorded times as by numbers."""
+    begin = 1777618800.0  # 2026-05-01T07:00:00Z
+
+    def date(time_s):
+        zone = timezone(timedelta(hours=2))
+        return datetime.fromtimestamp(time_s, zone).isoformat(timespec="microseconds")
+
+    def gps(time_s):
+        return {"gps": divmod(time_s - 315964800 + 18, 604800)}
+
+    summaries = []
+    for number, write in enumerate((float, date, gps)):
+        with Server(scenario(tmp_path), "--out", tmp_path / f"out{number}", cwd=tmp_path) as server:
+            states = [{**state, "time": write(begin + k / 64)}
+                      for k, state in enumerate(passes("digger", 0, 0.2, 40))]
+            answers = server.feed(states)
+            assert not any("error" in answer for answer in answers), answers
+            machine, = [m for m in server.json("/machines")["machines"] if m["name"] == "digger"]
+            assert machine["state"]["time"] == begin + 39 / 64
+            for words in ("2026-05-01T07:00:00.25Z", "2026-05-01T09:00:00.25%2B02:00"):
+                here = f"/height?x=1&y=0&time={begin + 0.25}", f"/height?x=1&y=0&time={words}"
+                assert server.json(here[0]) == server.json(here[1])
+            summaries.append(server.json("/summary.json"))
+            for wrong, why in (
+                    ("2026-05-01T07:00:01", "'time': '2026-05-01T07:00:01' has no offset from UTC"),
+                    ("noon", "'time': 'noon' is no date and time of day"),
+                    ({"gps": [368, 18]}, "'time': the GPS week is 368; it must be a whole number"),
+                    ({"gps": [2416]}, "'time': 'gps' must be an array of 2 numbers"),
+                    ({"gps": 1}, "'time': 'gps' must be an array of 2 numbers"),
+                    ({"utc": 1}, "'time': unknown key 'utc'")):
+                refused, = server.feed([{**states[-1], "time": wrong}])
+                assert refused["error"].startswith(why), refused
+            status, body = server.get("/height?x=1&y=0&time=2026-05-01T07:00:00")
+            assert status == 400 and b"'time': '2026-05-01T07:00:00' has no offset" in body
+    kept = [{key: summary[key] for key in ("state_hash", "volume_m3", "updates")}
+            for summary in summaries]
+    assert kept[0] == kept[1] == kept[2] and kept[0]["updates"] == 40
 
 
 def test_joints_and_jumps_of_no_machine_are_refused_and_change_nothing(tmp_path):

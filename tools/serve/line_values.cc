@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/file/instant.h"
 #include "io/file/json.h"
 #include "io/file/text.h"
 
@@ -43,6 +44,16 @@ double number_of(const nlohmann::json& json, const std::string& what) {
 }
 
 double line_time(const nlohmann::json& json) {
+  if (json.is_string() || json.is_object()) {
+    try {
+      if (json.is_string()) return io::date_time_s(json.get<std::string>());
+      require_keys(json, {"gps"});
+      const auto gps = array_of<2>(json.value("gps", nlohmann::json()), "gps");
+      return io::gps_time_s(gps[0], gps[1]);
+    } catch (const std::invalid_argument& e) {
+      throw std::invalid_argument(fmt::format("'time': {}", e.what()));
+    }
+  }
   const double time_s = number_of(json, "'time'");
   if (!(std::abs(time_s) <= kMostTime_s))
     throw std::invalid_argument(

@@ -22,7 +22,7 @@ nlohmann::json object_of(std::string_view line);
 void require_keys(const nlohmann::json& json, const std::vector<std::string>& known);
 
 double number_of(const nlohmann::json& json, const std::string& what);
-/// A time, s.
+/// A time, s: a number, a date in ISO 8601, or {"gps": [week, seconds]}; these count from 1970.
 double line_time(const nlohmann::json& json);
 Pose line_pose(const nlohmann::json& position, const nlohmann::json& rotation);
 

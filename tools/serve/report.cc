@@ -58,8 +58,8 @@ std::string or_nothing(const std::optional<double>& value) {
 }  // namespace
 
 ReportQuery::ReportQuery(const QueryParameters& parameters)
-    : from_s(parameters.number_if("from")),
-      to_s(parameters.number_if("to")),
+    : from_s(parameters.time_if("from")),
+      to_s(parameters.time_if("to")),
       every_s(parameters.number_if("every").value_or(3600)) {
   if (!(every_s >= WorkMinutes::kMinute_s && every_s <= kMostEvery_s &&
         std::fmod(every_s, WorkMinutes::kMinute_s) == 0))

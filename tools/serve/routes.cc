@@ -243,12 +243,12 @@ void ServerState::answer(const std::string& text, const std::string& client,
     const std::string& path = target->path;
     const auto look = [&](const QueryParameters& parameters,
                           const std::function<Reply(GroundView&)>& use) {
-      with_ground(parameters.number_if("time"), parameters.number_if("against"), client, use, done);
+      with_ground(parameters.time_if("time"), parameters.time_if("against"), client, use, done);
     };
     if (path == "/height") {
       const QueryParameters parameters(*target, {"x", "y", "time", "against"});
       const Vec2 at(parameters.number("x"), parameters.number("y"));
-      if (parameters.number_if("time") || parameters.number_if("against"))
+      if (parameters.time_if("time") || parameters.time_if("against"))
         return look(parameters, [at](GroundView& ground) { return json_reply(ground.height(at)); });
       place_heights->post();
       return query(
@@ -322,7 +322,7 @@ void ServerState::answer(const std::string& text, const std::string& client,
       const auto csv = [](const Json& state) {
         return Reply{200, "text/csv; charset=utf-8", machines_csv(state), "machines.csv", false};
       };
-      if (!parameters.number_if("time")) return done(csv(site.state()));
+      if (!parameters.time_if("time")) return done(csv(site.state()));
       return look(parameters, [csv](GroundView& ground) { return csv(ground.state()); });
     }
     if (path == "/report" || path == "/report.csv") {

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "io/file/instant.h"
 #include "io/file/text.h"
 
 namespace soilvdb::tools {
@@ -97,11 +98,25 @@ double QueryParameters::number(const std::string& name, double most) const {
   return all[0];
 }
 
-double QueryParameters::time(const std::string& name) const { return number(name, kMostTime_s); }
+double QueryParameters::time(const std::string& name) const {
+  const auto given = target_.values.find(name);
+  if (given == target_.values.end() || !io::is_date(given->second))
+    return number(name, kMostTime_s);
+  try {
+    return io::date_time_s(given->second);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(fmt::format("'{}': {}", name, e.what()));
+  }
+}
 
 std::optional<double> QueryParameters::number_if(const std::string& name) const {
   if (!target_.values.contains(name)) return {};
   return number(name, kMostTime_s);
+}
+
+std::optional<double> QueryParameters::time_if(const std::string& name) const {
+  if (!target_.values.contains(name)) return {};
+  return time(name);
 }
 
 std::string QueryParameters::word(const std::string& name,

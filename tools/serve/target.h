@@ -36,10 +36,11 @@ class QueryParameters {
   /// Comma-separated numbers; magnitudes beyond `most` are refused.
   std::vector<double> numbers(const std::string& name, double most = kFarthest_m) const;
   double number(const std::string& name, double most = kFarthest_m) const;
-  /// One number, also for a time in s; empty if it is missing.
-  /// A time, which must be there, s.
-  double time(const std::string& name) const;
+  /// One number; empty if it is missing.
   std::optional<double> number_if(const std::string& name) const;
+  /// A time, s: a number, or a date in ISO 8601.
+  double time(const std::string& name) const;
+  std::optional<double> time_if(const std::string& name) const;
   /// One of these words; default: the first.
   std::string word(const std::string& name, const std::vector<std::string>& words) const;
   Vec2 place(const std::string& name) const;
