@@ -190,12 +190,25 @@ std::vector<double> Motion::joint_values(double time_s) const {
 
 Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
   const Extremes extremes(bucket);
+  const bool drives = poses_.empty() && columns() > chain_.movable_count();
+  // Joints may make up for the base's way at the bucket, but not at sensors on other links.
+  const auto base_is_near = [&](std::size_t i, std::size_t j, std::size_t k,
+                                const Vec3& bucket_position) {
+    const Pose is = chain_.base_of(configuration(k));
+    const Pose would_be =
+        interpolate(chain_.base_of(configuration(i)), chain_.base_of(configuration(j)),
+                    share_of(i, j, times_s_[k]));
+    const double arm_m = (bucket_position - is.position).norm();
+    return (is.position - would_be.position).norm() <= tolerance_m &&
+           arm_m * is.rotation.angularDistance(would_be.rotation) <= tolerance_m;
+  };
   const auto straight = [&](std::size_t i, std::size_t j) {
     for (std::size_t k = i + 1; k < j; ++k) {
       const Frame is = row(k), would_be = between(i, j, times_s_[k]);
       if (!extremes.within(is.axes - would_be.axes, is.pose.position - would_be.pose.position,
                            tolerance_m))
         return false;
+      if (drives && !base_is_near(i, j, k, is.pose.position)) return false;
     }
     return true;
   };

@@ -31,8 +31,9 @@ class BasePoses {
     if (facts.type == McapType::kTransforms) fixed_ = fixed_pose(source_, facts);
     if (fixed_) return;
     rows_ = mcap_rows(source_, {});
+    most_end_ns_ = most_end_ns(dynamic_cast<const McapRows&>(*rows_).usual_ns());
     numbers_.resize(rows_->columns().names.size());
-    for (int i = 0; i < 2; ++i) step();
+    begin();
   }
 
   const MotionSource& source() const { return source_; }
@@ -46,20 +47,20 @@ class BasePoses {
       lines.fail(fmt::format("the base isn't known at {} s: {}", stamp_text(time_ns), why));
     };
     if (!before_) refuse(fault_.empty() ? "it has no pose" : fault_);
+    if (!before_->fault.empty()) refuse(before_->fault);
     if (before_->time_ns == time_ns) return before_->pose;
-    const std::int64_t interval_ns = next_ ? next_->time_ns - before_->time_ns : interval_ns_;
-    const std::int64_t most_end_ns = std::max(kMostEnd_ns, interval_ns + interval_ns / 2);
     if (time_ns < before_->time_ns) {
-      if (before_->time_ns - time_ns > most_end_ns)
+      if (before_->time_ns - time_ns > most_end_ns_)
         refuse(fmt::format("its first pose is at {} s", stamp_text(before_->time_ns)));
       return before_->pose;
     }
     if (!next_) {
-      if (time_ns - before_->time_ns > most_end_ns)
+      if (time_ns - before_->time_ns > most_end_ns_)
         refuse(fmt::format("its last pose is at {} s", stamp_text(before_->time_ns)));
       return before_->pose;
     }
     if (!fault_.empty()) refuse(fault_);
+    const std::int64_t interval_ns = next_->time_ns - before_->time_ns;
     if (const auto most_s = rows_->most_gap_s();
         most_s && static_cast<double>(interval_ns) * 1e-9 > *most_s)
       refuse(
@@ -79,13 +80,14 @@ class BasePoses {
     rows_->go_to({time_ns - gap_ns, -1, 0, 0, {}});
     before_.reset();
     next_.reset();
-    for (int i = 0; i < 2; ++i) step();
+    begin();
   }
 
  private:
   struct Sample {
     std::int64_t time_ns = 0;
-    Pose pose;  // as it was sent
+    Pose pose;               // as it was sent
+    std::string fault = {};  // why it is not to be used
   };
 
   static Pose unit(Pose pose) {
@@ -93,9 +95,12 @@ class BasePoses {
     return pose;
   }
 
+  void begin() {
+    step();
+    if (next_) step();
+  }
   /// Moves to the next pose.
   void step() {
-    if (before_ && next_) interval_ns_ = next_->time_ns - before_->time_ns;
     if (next_) before_ = std::exchange(next_, std::nullopt);
     fault_.clear();
     while (true) {
@@ -103,8 +108,13 @@ class BasePoses {
         if (rows_->next() == RowSource::Got::kEnd) return;
         rows_->values(numbers_);
         row_pose(rows_->place(), std::span(numbers_).subspan(1), true);  // is it one?
-        next_ = {rows_->mark().bytes, pose_of(&numbers_[1])};
-        return;
+        const Sample read{rows_->mark().bytes, pose_of(&numbers_[1])};
+        if (!before_ || read.time_ns != before_->time_ns) {
+          next_ = read;
+          return;
+        }
+        if (row_of(read.pose) != row_of(before_->pose))
+          before_->fault = "its poses at that time contradict each other";
       } catch (const LineError& e) {
         if (fault_.empty()) fault_ = e.what();
       }
@@ -116,8 +126,8 @@ class BasePoses {
   std::unique_ptr<RowSource> rows_;      // unless it is fixed
   std::vector<double> numbers_;          // scratch
   std::optional<Sample> before_, next_;  // around the last time, or the first two
-  std::int64_t interval_ns_ = 0;         // of the two before
-  std::string fault_;                    // of a bad message between these
+  std::int64_t most_end_ns_ = 0;
+  std::string fault_;  // of a bad message between these
 };
 
 class BaseRows : public RowSource {

@@ -15,7 +15,7 @@ namespace {
 
 // Gaps up to this long, or of a few usual intervals, are interpolated: busy networks delay messages
 // by a few intervals.
-constexpr std::int64_t kMostGap_ns = 1'000'000'000;
+constexpr std::int64_t kMostGap_ns = 1'000'000'000, kMostEnd_ns = 250'000'000;
 constexpr std::int64_t kMostGaps = 3;
 
 std::vector<std::uint32_t> streams_of(const McapFacts& facts) {
@@ -83,12 +83,20 @@ std::int64_t most_gap_ns(std::int64_t usual_ns) {
   return std::max(kMostGap_ns, kMostGaps * usual_ns);
 }
 
-std::optional<double> McapRows::most_gap_s() const {
+std::int64_t most_end_ns(std::int64_t usual_ns) {
+  return std::max(kMostEnd_ns, usual_ns + usual_ns / 2);
+}
+
+std::int64_t McapRows::usual_ns() const {
   std::int64_t usual_ns = 0;
   for (const std::uint32_t stream : wanted_)
     if (const std::int64_t its_ns = facts_->streams[stream].usual_ns; its_ns > 0)
       usual_ns = usual_ns == 0 ? its_ns : std::min(usual_ns, its_ns);
-  return static_cast<double>(most_gap_ns(usual_ns)) * 1e-9;
+  return usual_ns;
+}
+
+std::optional<double> McapRows::most_gap_s() const {
+  return static_cast<double>(most_gap_ns(usual_ns())) * 1e-9;
 }
 
 void McapRows::look_at(const McapPlace& place) {
@@ -136,6 +144,11 @@ std::unique_ptr<RowSource> mcap_rows(const MotionSource& source,
                                                 "or another topic, with poses or transforms",
                                                 topics));
     if (wanted.frame.empty()) {
+      if (wanted.base && chain->movable_count() == 0)
+        throw InputError(source.file,
+                         fmt::format("{} has joints, and the machine's urdf has none that move; "
+                                     "leave the urdf out, and take the bucket's poses",
+                                     topics));
       auto rows = mcap_joint_rows(source, facts, *chain);
       return wanted.base ? mcap_base_rows(std::move(rows), source) : std::move(rows);
     }

@@ -18,6 +18,9 @@ namespace soilvdb::inline v0::io {
 
 /// Longest gap between two samples that is interpolated. @param usual_ns interval of the samples
 std::int64_t most_gap_ns(std::int64_t usual_ns);
+/// A track can't be interpolated beyond its ends: there a row uses a sample that is this close.
+/// @param usual_ns interval of the samples; 0: unknown
+std::int64_t most_end_ns(std::int64_t usual_ns);
 
 /// Rows in the order of their stamps, each with the number of its message in the file.
 class McapRows : public RowSource {
@@ -30,6 +33,8 @@ class McapRows : public RowSource {
   const Columns& columns() const override { return columns_; }
   std::int64_t bytes_read() const override { return merge_.bytes_read(); }
   std::optional<double> most_gap_s() const override;
+  /// The shortest of the usual intervals of its streams; 0: unknown.
+  std::int64_t usual_ns() const;
   void warn(std::vector<std::string>& warnings) const override;
   MotionSource source() const override;
 
@@ -126,10 +131,6 @@ class TrackRows : public McapRows {
   std::optional<McapPlace> from_;  // rows before it are skipped
   bool ended_ = false, looked_at_end_ = false;
 };
-
-/// A track can't be interpolated beyond its ends: there a row uses a sample that is this close, or
-/// one and a half usual intervals.
-inline constexpr std::int64_t kMostEnd_ns = 250'000'000;
 
 std::unique_ptr<RowSource> mcap_joint_rows(const MotionSource& source,
                                            const std::shared_ptr<const McapFacts>& facts,

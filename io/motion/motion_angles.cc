@@ -44,7 +44,7 @@ Angles::Angles(const std::vector<std::string>& names, const std::optional<Chain>
     if (!joint.moves_itself()) continue;
     ++at;
     if (joint.type != Joint::Type::kPrismatic)
-      angles_.push_back({at, joint.name, !has_stops(joint)});
+      angles_.push_back({at, joint.name, !has_stops(joint), true});
   }
 }
 
@@ -54,7 +54,7 @@ void Angles::row(std::vector<double>& v, long line) {
   for (const Angle& angle : angles_) {
     if (unit_ == AngleUnit::kDegrees) v[angle.at] *= kDegree;
     if (std::abs(v[angle.at]) <= kTurn) continue;
-    if (beyond == nullptr) beyond = &angle;
+    if (beyond == nullptr && !angle.of_joint) beyond = &angle;
     if (impossible == nullptr && !angle.goes_round) impossible = &angle;
   }
   const auto count = [&](Count& rows, const Angle* angle) {
@@ -81,7 +81,7 @@ void Angles::check(const std::filesystem::path& file) const {
 
 void Angles::warn(const RowPlace& place, std::vector<std::string>& warnings) const {
   const std::string file = place.file().string();
-  if (joints_ || beyond_.rows == 0) return;
+  if (beyond_.rows == 0) return;
   const std::string rows = fmt::format("{} row{}, first at {} {}", beyond_.rows,
                                        beyond_.rows == 1 ? "" : "s", place.noun(), beyond_.first);
   warnings.push_back(

@@ -39,7 +39,7 @@ class Angles {
   /// @throw InputError if at least half of the rows have an angle beyond a turn that cannot go
   ///        there.
   void check(const std::filesystem::path& file) const;
-  /// Adds a warning about roll, pitch and yaw beyond a turn.
+  /// Adds a warning about roll, pitch and yaw of poses beyond a turn.
   void warn(const RowPlace& place, std::vector<std::string>& warnings) const;
 
  private:
@@ -53,12 +53,14 @@ class Angles {
     std::size_t at = 0;  ///< index in a row
     std::string name = {};
     bool goes_round = false;
+    bool of_joint = false;
   };
   std::vector<Angle> angles_;
   AngleUnit unit_ = AngleUnit::kRadians;
   bool joints_ = false;
   std::int64_t rows_ = 0;
-  Count beyond_, impossible_;  ///< beyond a turn; of these, angles that cannot go there
+  Count beyond_;      ///< a turn: angles of poses
+  Count impossible_;  ///< beyond a turn: angles that cannot go there
 };
 
 }  // namespace soilvdb::inline v0::io

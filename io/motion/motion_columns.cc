@@ -82,10 +82,23 @@ class Header {
           "has both joints and a pose (x, y, z); remove the columns of the pose, or the "
           "machine's urdf");
     }
+    std::string of_base, of_joint;
     for (const auto& names : {kPosition, kAngles, kQuaternion})
       for (const std::string& name : prefixed(kBase, names))
-        if (has(name) && !used(name.c_str())) c.base = 1 + movable.size();
-    if (c.base) add_pose(c, kBase, "the pose of the machine's base needs base_x,base_y,base_z");
+        if (has(name)) (used(name.c_str()) ? of_joint : of_base) = name;
+    if (of_base.empty()) return c;
+    if (!of_joint.empty())
+      lines_.fail(
+          fmt::format("'{}' is of the base's pose, and '{}' is a joint of the urdf; rename "
+                      "that joint, or leave the base's columns out",
+                      of_base, of_joint));
+    if (movable.empty())
+      lines_.fail(
+          fmt::format("'{}' is of the base's pose, and no joint of the urdf moves the lip; "
+                      "leave the urdf out, and give the lip's pose, x,y,z and its rotation",
+                      of_base));
+    c.base = 1 + movable.size();
+    add_pose(c, kBase, "the pose of the machine's base needs base_x,base_y,base_z");
     return c;
   }
 

@@ -33,7 +33,7 @@ std::int64_t TrackRows::Track::most_ns() const {
 }
 
 std::int64_t TrackRows::Track::most_end_ns() const {
-  return usual_ns == kLatest_ns ? kMostEnd_ns : std::max(kMostEnd_ns, usual_ns + usual_ns / 2);
+  return io::most_end_ns(usual_ns == kLatest_ns ? 0 : usual_ns);
 }
 
 void TrackRows::add_track(std::string what, bool makes_rows) {

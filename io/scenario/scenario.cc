@@ -242,8 +242,12 @@ McapTopic read_topic(const YamlMap& map, const std::string& name, const std::str
              fmt::format("'parent' goes with 'frame', the {}'s, which is seen from there; "
                          "add that, or remove 'parent'",
                          whose));
-  return {name, map.has("frame") ? map.text("frame") : "",
-          map.has("parent") ? map.text("parent") : ""};
+  McapTopic topic{name, map.has("frame") ? map.text("frame") : "",
+                  map.has("parent") ? map.text("parent") : ""};
+  if (map.has("parent") && topic.frame == topic.parent)
+    map.fail("parent", fmt::format("'parent' is '{}', as 'frame' is; name the world's frame",
+                                   printable(topic.parent)));
+  return topic;
 }
 
 /// The motion's CSV file, or its topic in MCAP files.

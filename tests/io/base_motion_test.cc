@@ -164,6 +164,28 @@ TEST_F(BaseMotion, SaysWhatIsWrongWithItsColumns) {
   EXPECT_EQ(motion.joint_values().size(), 4u);
 }
 
+TEST_F(BaseMotion, HasColumnsThatAreNoJoints) {
+  Chain chain = two_joints();
+  chain.joints[1].name = "base_x";
+  EXPECT_THAT(
+      error(MotionSource(folder_.write("m.csv", "time,boom,base_x,base_z\n0,0,1,0\n")), chain),
+      HasSubstr("m.csv:1: 'base_z' is of the base's pose, and 'base_x' is a joint of the urdf; "
+                "rename that joint"));
+  chain.joints = {{"weld", Joint::Type::kFixed, {}}};
+  EXPECT_THAT(
+      error(MotionSource(folder_.write("m.csv", "time,base_x,base_y,base_z\n0,0,1,0\n")), chain),
+      HasSubstr("m.csv:1: 'base_z' is of the base's pose, and no joint of the urdf moves the lip"));
+}
+
+TEST_F(BaseMotion, InDegreesIsDoubted) {
+  std::string text = "time,boom,stick,base_x,base_y,base_z,base_yaw\n";
+  for (int i = 0; i < 20; ++i) text += fmt::format("{},0,1,0,0,0,{}\n", i, 90 + 0.5 * i);
+  const MotionInput got = read_motion(folder_.write("m.csv", text), two_joints());
+  ASSERT_EQ(got.warnings.size(), 1u);
+  EXPECT_THAT(got.warnings[0], HasSubstr("roll, pitch or yaw is beyond a turn in 20 rows, first "
+                                         "at line 2; they must be in radians"));
+}
+
 TEST_F(BaseMotion, HasBadRowsWhereNoMachineDrives) {
   const auto bad = [&](const std::string& row) {
     const std::string head = "time,boom,stick,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw";
@@ -252,6 +274,59 @@ TEST_F(BaseMotion, OfRecordingsIsUnknownInGapsAndBeyondItsEnds) {
                 HasSubstr("m.mcap:1: the base isn't known at 100.000000000 s: its first pose is at "
                           "101.000000000 s"));
   }
+}
+
+/// Rows of joints each 10 ms, and of the base each 50 ms but for a gap before the last.
+TEST_F(BaseMotion, OfRecordingsIsKnownAsLongBehindAGapInAnyPart) {
+  constexpr int kLast = static_cast<int>(MotionFile::kPartSteps) - 20, kGap = 90, kAfter = 25;
+  const auto file = record("m.mcap", [](Recording& to) {
+    for (int i = 0; i <= kLast + 130; ++i) {
+      const double time_s = 100 + 0.01 * i;
+      if ((i <= kLast - kGap && (kLast - kGap - i) % 5 == 0) || i == kLast) {
+        to.transform(time_s, "map", "root", {0.001 * i, 0, 0});
+        to.pose("/pose", time_s, {0.001 * i, 0, 0});
+      }
+      to.joints("/joint_states", time_s, {"boom", "stick"}, {0, 1});
+    }
+  });
+  for (const McapTopic& base : {McapTopic{"/tf", "root"}, McapTopic{"/pose"}}) {
+    std::vector<std::string> warnings;
+    const MotionFile motion(
+        source(file, base), two_joints(), AngleUnit::kRadians, OnBadRow::kSkip,
+        [](const Motion&, std::int64_t) {}, warnings);
+    ASSERT_EQ(motion.parts(), 2u);
+    EXPECT_NEAR(motion.end_s(), 100 + 0.01 * (kLast + kAfter), 1e-6);
+    for (const std::size_t part : {1u, 0u, 1u}) {
+      const auto rows = motion.part(part);
+      EXPECT_NEAR(rows->row(rows->times_s().size() - 1).position.x(), 1 + 0.001 * kLast, 0.1);
+    }
+  }
+}
+
+TEST_F(BaseMotion, OfRecordingsThatContradictsItselfIsNotUsed) {
+  const auto file = record("m.mcap", [](Recording& to) {
+    for (int i = 0; i <= 100; ++i) {
+      to.pose("/pose", 100 + 0.1 * i, {0.01 * i, 0, 0});
+      if (i == 50) to.pose("/pose", 100 + 0.1 * i, {0.01 * i, 0.2, 0});
+      if (i == 60) to.pose("/pose", 100 + 0.1 * i, {0.01 * i, 0, 0});
+      to.joints("/joint_states", 100 + 0.1 * i, {"boom", "stick"}, {0, 1});
+    }
+  });
+  const Read got = read(source(file, {"/pose"}), two_joints());
+  EXPECT_EQ(got.bad.count, 1);
+  EXPECT_THAT(got.bad.first, HasSubstr("the base isn't known at 105.000000000 s: its poses at that "
+                                       "time contradict each other"));
+  for (const Vec3& at : got.positions) EXPECT_LT(std::abs(at.y()), kRounding);
+}
+
+TEST_F(BaseMotion, OfRecordingsWithoutAGoodPoseSaysWhy) {
+  const auto file = record("m.mcap", [](Recording& to) {
+    for (int i = 0; i <= 100; ++i) {
+      to.pose("/pose", 100 + 0.1 * i, {NAN, 0, 0});
+      to.joints("/joint_states", 100 + 0.1 * i, {"boom", "stick"}, {0, 1});
+    }
+  });
+  EXPECT_THAT(error(source(file, {"/pose"}), two_joints()), HasSubstr("x is nan; it must be"));
 }
 
 TEST_F(BaseMotion, OfRecordingsMayStand) {

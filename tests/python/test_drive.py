@@ -182,6 +182,16 @@ def test_what_cant_be_is_refused_and_changes_nothing(state, error, why):
     assert site.save() == before
 
 
+@pytest.mark.parametrize("base, error, why", [
+    ([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)], TypeError, "base: pose must be"),
+    ("there", TypeError, "base: pose must be numbers"),
+    ((0.0, (0.0, 0.0, 0.0, 1.0)), (TypeError, ValueError), "base: position"),
+])
+def test_what_is_no_pose_is_called_the_base(base, error, why):
+    with pytest.raises(error, match=why):
+        excavator().update(0, joints=HOME, base=base)
+
+
 def test_rows_of_another_number_are_refused():
     times, joints, positions, rotations = drive()
     site = excavator()

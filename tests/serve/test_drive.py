@@ -74,6 +74,23 @@ def test_it_goes_on_from_its_base_after_a_restart_and_when_states_are_taken_back
         assert digest(server) == told
 
 
+def test_it_drove_also_in_states_that_were_not_placed(tmp_path):
+    low = {**START, "boom_joint": 0.1}
+    with Server(site(tmp_path), cwd=tmp_path) as server:
+        def feed(time_s, **more):
+            return server.feed([{"machine": "excavator", "time": time_s, "joints": low, **more}])[0]
+        assert "error" not in feed(0, base=at(0, -4))
+        for time_s, x in ((10, -1.0), (20, -2.0)):
+            assert feed(time_s, base=at(x, -4), fix="rtk_float")["placed"] is False
+        answer = feed(30, fix="rtk_fixed")
+        assert "error" not in answer, answer
+        assert machines(server)["excavator"]["state"]["base"]["position"] == [-2.0, -4.0, 0.0]
+        feed(40, base=at(-1, -4))
+        assert machines(server)["excavator"]["state"]["base"]["position"] == [-1.0, -4.0, 0.0]
+        feed(50)
+        assert machines(server)["excavator"]["state"]["base"]["position"] == [-1.0, -4.0, 0.0]
+
+
 def test_a_sensor_on_a_link_is_where_it_drove(tmp_path):
     image, volume = pit()
     swing, yaw = 0.7, -0.4

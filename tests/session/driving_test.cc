@@ -129,6 +129,33 @@ TEST(DrivingChain, MovesBetweenRowsAsOneOnJointsThatCarryIt) {
   }
 }
 
+/// Joints make up for it at the bucket, which stands.
+TEST(DrivingChain, StaysWhereItDrivesWhenRowsAreThinned) {
+  Chain chain;
+  chain.joints = {{"turn", Joint::Type::kContinuous, {}, Vec3::UnitZ()},
+                  {"slide", Joint::Type::kPrismatic, {}, Vec3::UnitX(), -9, 9}};
+  std::vector<double> times_s, values;
+  for (int i = 0; i <= 200; ++i) {
+    const double way_m = std::sin(0.05 * i), yaw = i > 100 ? 0.02 * (i - 100) : 0;
+    times_s.push_back(0.1 * i);
+    values.insert(values.end(), {-yaw, 3 + way_m});
+    Chain::add_base(values, {{-way_m, 0, 0}, from_rpy(0, 0, yaw)});
+  }
+  const Motion motion(times_s, values, chain);
+  constexpr double kTolerance_m = 0.01;
+  Bucket bucket;
+  bucket.width_m = 1.2;
+  bucket.height_m = 0.9;
+  const Motion thinned = motion.simplified(bucket, kTolerance_m);
+  EXPECT_LT(thinned.times_s().size(), 100u);
+  for (const double time_s : times_s) {
+    const Pose is = chain.base_of(motion.joint_values(time_s)),
+               would_be = chain.base_of(thinned.joint_values(time_s));
+    EXPECT_LT((is.position - would_be.position).norm(), 1.001 * kTolerance_m) << time_s;
+    EXPECT_LT(is.rotation.angularDistance(would_be.rotation), kTolerance_m) << time_s;
+  }
+}
+
 TEST(DrivingChain, ThatTurnsWhileItsCabTurnsBackIsFollowedAllTheWay) {
   // In one row the base turns nearly half a turn, and the cab twice as far the other way.
   Chain chain = arm();

@@ -155,6 +155,8 @@ auto of_base(const F& f) {
     return f();
   } catch (const py::value_error& e) {
     throw py::value_error(fmt::format("base: {}", e.what()));
+  } catch (const py::type_error& e) {
+    throw py::type_error(fmt::format("base: {}", e.what()));
   }
 }
 

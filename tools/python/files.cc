@@ -22,7 +22,6 @@ namespace {
 /// The rows of a machine's motion that a run follows.
 struct Rows {
   std::vector<double> times_s, values, turns, bases;
-  std::size_t columns = 3;  // of `values`
   bool by_joints = false;
 };
 
@@ -33,7 +32,6 @@ Rows rows_of(const io::MotionFile& file, double until_s) {
     const std::shared_ptr<const Motion> motion = file.part(part);
     const std::size_t joints = motion->chain().movable_count();
     rows.by_joints = motion->poses().empty();
-    if (rows.by_joints) rows.columns = joints;
     for (std::size_t i = part == 0 ? 0 : 1; i < motion->times_s().size(); ++i) {  // parts join
       if (motion->times_s()[i] > until_s) return rows;
       rows.times_s.push_back(motion->times_s()[i]);
@@ -53,9 +51,10 @@ Rows rows_of(const io::MotionFile& file, double until_s) {
   return rows;
 }
 
-Array array(const std::vector<double>& values, std::size_t columns) {
-  const auto rows = static_cast<py::ssize_t>(values.size() / columns);
-  return Array({rows, static_cast<py::ssize_t>(columns)}, values.data());
+/// @param count of rows, one or more
+Array array(const std::vector<double>& values, std::size_t count) {
+  return Array({static_cast<py::ssize_t>(count), static_cast<py::ssize_t>(values.size() / count)},
+               values.data());
 }
 
 /// (positions, rotations) of poses as in row_of().
@@ -65,7 +64,8 @@ py::tuple base_arrays(const std::vector<double>& rows) {
     positions.insert(positions.end(), &rows[i], &rows[i] + 3);
     turns.insert(turns.end(), &rows[i] + 3, &rows[i] + kPoseNumbers);
   }
-  return py::make_tuple(array(positions, 3), array(turns, 4));
+  const std::size_t count = rows.size() / kPoseNumbers;
+  return py::make_tuple(array(positions, count), array(turns, count));
 }
 
 py::dict motions(const std::filesystem::path& scenario) {
@@ -84,8 +84,9 @@ py::dict motions(const std::filesystem::path& scenario) {
   for (const auto& [name, rows] : all) {
     py::dict one;
     one["times"] = Array(static_cast<py::ssize_t>(rows.times_s.size()), rows.times_s.data());
-    one[rows.by_joints ? "joints" : "positions"] = array(rows.values, rows.columns);
-    if (!rows.by_joints) one["rotations"] = array(rows.turns, 4);
+    const std::size_t count = rows.times_s.size();
+    one[rows.by_joints ? "joints" : "positions"] = array(rows.values, count);
+    if (!rows.by_joints) one["rotations"] = array(rows.turns, count);
     if (!rows.bases.empty()) one["base"] = base_arrays(rows.bases);
     by_name[py::str(name)] = one;
   }

@@ -70,6 +70,8 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
       throw std::invalid_argument(
           "'base' goes with 'joints'; 'position' and 'rotation' are those of the bucket");
     state.base = base_in(json["base"]);
+  } else if (!has_pose) {
+    state.base = feeds_[state.machine].driven_to;
   }
   if (has_pose) {
     if (!json.contains("position") || !json.contains("rotation"))

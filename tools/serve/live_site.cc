@@ -89,6 +89,7 @@ void LiveSite::undo(std::size_t machine, Undone& undone, FedStates fed) {
   ++changes_of_past_;
   ++undos_;
   moved_[machine] = {};
+  feeds_[machine].driven_to.reset();
   feeds_[machine].sequence = {};  // what was taken back may be sent again, corrected
   feeds_[machine].dug_before = true;
   for (const auto& [of, digs] : fed_.dug) feeds_[of].dug_before = digs;
@@ -102,6 +103,7 @@ StepResult LiveSite::feed(const MachineState& state) {
 StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   if (!step.ok()) return step;
   ++fed_.count;
+  feeds_[state.machine].driven_to.reset();
   fed_.note_time(state.time_s);
   changes_of_past_ += fed_.log.machines()[state.machine].clock_is_set && state.time_s;
   fed_.durations.add(step.update.us);
@@ -161,6 +163,8 @@ Json LiveSite::place(const MachineState& state) {
   if (in_air) {
     step = taken(state, session_.place(state));
     if (!step.ok()) throw std::runtime_error(step.why);
+  } else if (state.base) {
+    feeds_[state.machine].driven_to = state.base;
   }
   Json answer = answer_to(step, state.machine);
   answer["placed"] = in_air;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "soilvdb/types.h"
 #include "tools/serve/feed_source.h"
 
 namespace soilvdb::tools {
@@ -66,6 +67,8 @@ struct MachineFeed {
   std::optional<Clock::time_point> heard = {};
   std::optional<Fix> fix = {};
   std::optional<double> clock_ahead_s = {};  ///< of this computer's, if its times count from 1970
+  /// Where it drove in states that were not placed, since its last state.
+  std::optional<Pose> driven_to = {};
   bool dug_before = true;  ///< else its next state doesn't continue a way that is known
   SequenceCheck sequence = {};
 };
