@@ -76,7 +76,9 @@ def test_times_may_be_dates_or_gps_times(tmp_path):
             summaries.append(server.json("/summary.json"))
             for wrong, why in (
                     ("2026-05-01T07:00:01", "'time': '2026-05-01T07:00:01' has no offset from UTC"),
-                    ("noon", "'time': 'noon' is no date and time of day"),
+                    ("2026-05-01", "'time': '2026-05-01' is no date and time of day"),
+                    ("noon", "'time' must be a number, a date such as \"2026-05-01T07:00:00.25+02"),
+                    ("12.5", "'time' must be a number, a date such as"),
                     ({"gps": [368, 18]}, "'time': the GPS week is 368; it must be a whole number"),
                     ({"gps": [2416]}, "'time': 'gps' must be an array of 2 numbers"),
                     ({"gps": 1}, "'time': 'gps' must be an array of 2 numbers"),

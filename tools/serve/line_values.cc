@@ -44,9 +44,10 @@ double number_of(const nlohmann::json& json, const std::string& what) {
 }
 
 double line_time(const nlohmann::json& json) {
-  if (json.is_string() || json.is_object()) {
+  const bool is_date = json.is_string() && io::is_date(json.get<std::string>());
+  if (is_date || json.is_object()) {
     try {
-      if (json.is_string()) return io::date_time_s(json.get<std::string>());
+      if (is_date) return io::date_time_s(json.get<std::string>());
       require_keys(json, {"gps"});
       const auto gps = array_of<2>(json.value("gps", nlohmann::json()), "gps");
       return io::gps_time_s(gps[0], gps[1]);
@@ -54,7 +55,11 @@ double line_time(const nlohmann::json& json) {
       throw std::invalid_argument(fmt::format("'time': {}", e.what()));
     }
   }
-  const double time_s = number_of(json, "'time'");
+  if (!json.is_number())
+    throw std::invalid_argument(
+        "'time' must be a number, a date such as \"2026-05-01T07:00:00.25+02:00\", or a GPS time, "
+        "{\"gps\": [week, seconds]}");
+  const auto time_s = json.get<double>();
   if (!(std::abs(time_s) <= kMostTime_s))
     throw std::invalid_argument(
         fmt::format("'time' is {:.6g} s; it must be within {:g} s of 0; are these milliseconds?",

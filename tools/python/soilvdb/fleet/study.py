@@ -389,8 +389,8 @@ class Scene:
         force = {name: np.full((len(rows[name]["times"]), 4), np.nan) for name in self.blades}
         waited = 0
         for name, begin, end in order:
-            part = {key: (tuple(each[begin:end] for each in values) if key == "base"
-                          else values[begin:end]) for key, values in rows[name].items()}
+            part: Any = {key: (tuple(each[begin:end] for each in values) if key == "base"
+                               else values[begin:end]) for key, values in rows[name].items()}
             try:
                 updates = site.update_path(name, **part)
             except soilvdb.NoGroundError:
