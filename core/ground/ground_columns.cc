@@ -32,28 +32,17 @@ class TileReader {
         ground_(base.ground()),
         above_(ground_.above_base()),
         ceiling_(ceiling),
-        columns_(columns & base_.all_ground) {}
+        columns_(columns) {}
 
   ColumnTile read() {
-    if (!base_.some && !raised()) return tile_;
-    if (by_ != By::kHeights) last_ = last_chunk();
-    open_ = columns_;
-    for (int z = top_chunk(); open_ != 0; z -= kChunkSide) {
-      const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
-      if (chunk == nullptr && by_ != By::kHeights && is_mixed(z)) {
-        through_samples(terrain_chunk(z), z);
-      } else if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
-        through_base(z);
-      } else if (chunk == nullptr || chunk->soil_count == 0) {
-        through_air(z);
-      } else if (chunk->swap_record != 0) {
-        const Chunk copy = ground_.copy(*chunk);
-        through_samples(copy, z);
-      } else {
-        through_samples(*chunk, z);
-      }
+    if (!base_.some && !raised()) {
+      tile_.read = ~std::uint64_t{0};
+      return tile_;
     }
-    if (by_ != By::kHeights) subtract_pores();
+    if (by_ != By::kHeights) last_ = last_chunk();
+    read(columns_);
+    // The terrain's samples take longest to make.
+    if (!terrain_.empty()) read(~columns_);
     return tile_;
   }
 
@@ -86,6 +75,28 @@ class TileReader {
 
   static constexpr int kCells = BaseColumn::kCells;
 
+  void read(std::uint64_t columns) {
+    tile_.read |= columns;
+    open_ = columns & base_.all_ground;
+    const std::uint64_t all = open_;
+    for (int z = top_chunk(); open_ != 0; z -= kChunkSide) {
+      const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
+      if (chunk == nullptr && by_ != By::kHeights && is_mixed(z)) {
+        through_samples(terrain_chunk(z), z);
+      } else if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
+        through_base(z);
+      } else if (chunk == nullptr || chunk->soil_count == 0) {
+        through_air(z);
+      } else if (chunk->swap_record != 0) {
+        const Chunk copy = ground_.copy(*chunk);
+        through_samples(copy, z);
+      } else {
+        through_samples(*chunk, z);
+      }
+    }
+    if (by_ != By::kHeights) subtract_pores(all);
+  }
+
   /// Calls f(c) for each bit of a set of columns.
   template <typename F>
   static void each_of(std::uint64_t columns, const F& f) {
@@ -115,15 +126,19 @@ class TileReader {
   }
   /// Lowers columns by what is missing below their topmost full cell, as where a tool cut some
   /// samples from the side. Not over a cell without soil: what is above that is a roof.
-  void subtract_pores() {
-    int lowest = top_chunk();
+  void subtract_pores(std::uint64_t columns) {
+    int last = top_chunk();
     std::uint64_t known = 0;
-    each_of(columns_, [&](int c) {
+    std::array<int, kCells> lasts = {};
+    each_of(columns, [&](int c) {
       if (!column(c).known) return;
       known |= bit(c);
-      lowest = std::min(lowest, column(c).bank_full);
+      const int full = floor_to(column(c).bank_full, kChunkSide);
+      int& of_column = lasts[static_cast<std::size_t>(c)];
+      of_column = std::min(last_, full - kMaxCountedChunks * kChunkSide);
+      last = std::min(last, of_column);
     });
-    const int last = std::min(last_, floor_to(lowest, kChunkSide) - kMaxCountedChunks * kChunkSide);
+    if (known == 0) return;
     std::array<int, kCells> missing = {};
     std::uint64_t roofs = 0;
     for (int z = top_chunk(); z >= last; z -= kChunkSide) {
@@ -135,7 +150,9 @@ class TileReader {
                                : chunk == nullptr ? terrain_chunk(z).samples
                                                   : chunk->samples;
       each_of(known & ~roofs, [&](int c) {
-        if (samples.full_of_row(c * kChunkSide) == (1u << kChunkSide) - 1) return;
+        if (z < lasts[static_cast<std::size_t>(c)] ||
+            samples.full_of_row(c * kChunkSide) == (1u << kChunkSide) - 1)
+          return;
         for (int k = std::min(kChunkSide - 1, column(c).bank_full - 1 - z); k >= 0; --k) {
           const int some = std::popcount(samples.word(c * kChunkSide + k));
           if (some == 0) roofs |= bit(c);

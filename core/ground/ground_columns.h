@@ -37,6 +37,7 @@ struct GroundColumn {
 /// The columns over one column of chunks: column (x, y) from the lowest cell is entry x * 8 + y.
 struct ColumnTile {
   std::array<GroundColumn, BaseColumn::kCells> columns;
+  std::uint64_t read = 0;  ///< bits of the columns that were
   bool has_loose = false, has_hanging = false;
 };
 
@@ -50,7 +51,7 @@ bool is_touched(BaseColumns& base, int cx, int cy);
 /// Reads a tile to the sample, which takes longer where chunks of the surface aren't resident.
 /// @param ceiling the highest cell that is looked at; all above it counts as air
 /// @param initial what the tile was before anything changed
-/// @param columns bits of those to read, by their numbers; others stay unknown
+/// @param columns bits of those to read, by their numbers; others are where that costs little
 ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial,
                              std::uint64_t columns = ~std::uint64_t{0});
 

@@ -9,6 +9,7 @@
 #include "core/ground/bilinear_patch.h"
 #include "core/ground/height_tiles.h"
 #include "core/ground/ray_terrain.h"
+#include "core/lattice/affine.h"
 #include "core/lattice/chunk_math.h"
 #include "core/lattice/ray_walk.h"
 #include "soilvdb/initial_terrain.h"
@@ -160,11 +161,46 @@ class HeightField final : public InitialTerrain, public RayTerrain {
                           static_cast<float>(((z01 - z00) + u * twist) * dv / h),
                           static_cast<float>(twist * du * dv / h));
     }
+    if (u0.x() >= 0 && u0.y() >= 0 && u1.x() <= grid_.nx - 1 && u1.y() <= grid_.ny - 1)
+      return below_patches(w, low, h, points);
     std::uint64_t bits = 0;
     for (int k = 0; k < 64; ++k) {
       const double ground = at(w, low.x() + h * points.x[k], low.y() + h * points.y[k]);
       bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false without a height
     }
+    return bits;
+  }
+
+  /// occupancy() of a cell in several patches: heights as at() has them, to the bit.
+  SOILVDB_FOR_CPUS std::uint64_t below_patches(const HeightTiles::Window& w, const Vec3& low,
+                                               double h, const CellPoints& points) const {
+    const double x0 = low.x(), y0 = low.y(), z0 = low.z();
+    const double first_x = grid_.first.x(), first_y = grid_.first.y();
+    const double spacing_x = grid_.spacing.x(), spacing_y = grid_.spacing.y();
+    const int last_i = grid_.nx - 2, last_j = grid_.ny - 2, row = w.nx;
+    const int begin = w.y0 * row + w.x0;
+    std::array<double, 64> s, t;
+    std::array<int, 64> places;
+    for (std::size_t k = 0; k < 64; ++k) {
+      const double u = (x0 + h * points.x[k] - first_x) / spacing_x;
+      const double v = (y0 + h * points.y[k] - first_y) / spacing_y;
+      const int i = std::min(static_cast<int>(u), last_i),
+                j = std::min(static_cast<int>(v), last_j);
+      s[k] = u - i;
+      t[k] = v - j;
+      places[k] = j * row + i - begin;
+    }
+    std::array<unsigned char, 64> below;
+    const float *near = w.posts.data(), *far = near + row;
+    for (std::size_t k = 0; k < 64; ++k) {
+      const double a = near[places[k]], b = near[places[k] + 1];
+      const double c = far[places[k]], d = far[places[k] + 1];
+      const double ground =
+          (1 - t[k]) * ((1 - s[k]) * a + s[k] * b) + t[k] * ((1 - s[k]) * c + s[k] * d);
+      below[k] = z0 + h * points.z[k] < ground;  // not without a height
+    }
+    std::uint64_t bits = 0;
+    for (std::size_t k = 0; k < 64; ++k) bits |= std::uint64_t{below[k]} << k;
     return bits;
   }
 

@@ -189,7 +189,8 @@ class HeightReader {
         (*tile.before)[i] = initial.columns[i].top;
     }
     const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !touched, wanted);
-    for (std::uint64_t left = wanted; left != 0; left &= left - 1) {
+    const std::uint64_t fresh = now.read & ~tile.known;
+    for (std::uint64_t left = fresh; left != 0; left &= left - 1) {
       const auto i = static_cast<std::size_t>(std::countr_zero(left));
       const GroundColumn& c = now.columns[i];
       const double before = touched ? (*tile.before)[i] : c.top;
@@ -198,8 +199,8 @@ class HeightReader {
       for (std::size_t n = 0; n < kSurface; ++n)
         tile.layers[n][i] = c.known ? values[n] : kNoGround;
     }
-    tile.known |= wanted;
-    tile.surface &= ~wanted;
+    tile.known |= fresh;
+    tile.surface &= ~fresh;
   }
   void find_surface(Tile& tile, const Coord2& cell, std::uint64_t wanted) {
     const double h = ground().voxel_size_m();

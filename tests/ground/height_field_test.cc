@@ -76,16 +76,16 @@ constexpr int kBordersY[] = {0, 41, 63, 64, 128, kNy - 1};
 /// Calls `f(first)` with the first voxels of chunks about the borders, whose cells end on them or
 /// lie across, that hold the ground's surface.
 template <typename F>
-void for_chunks_on_borders(const Posts& posts, F f) {
+void for_chunks_on_borders(const Posts& posts, F f, double voxel = kVoxel) {
   std::mt19937 random(2);
   for (const int x : kBordersX) {
     for (const int y : kBordersY) {
       const Vec2 corner = posts.place(x, y);
       const Vec2 cells(static_cast<double>(random() % 9), static_cast<double>(random() % 9));
-      const Vec2 ends = corner - kVoxel * (cells - Vec2(0.5, 0.5));
+      const Vec2 ends = corner - voxel * (cells - Vec2(0.5, 0.5));
       const double z = std::isnan(posts.post(x, y)) ? 0 : posts.post(x, y);
-      f(Vec3(ends.x(), ends.y(), z - kVoxel * 2));
-      f(Vec3(ends.x() - 0.4 * kVoxel, ends.y() + 0.3 * kVoxel, z - kVoxel * 6));
+      f(Vec3(ends.x(), ends.y(), z - voxel * 2));
+      f(Vec3(ends.x() - 0.4 * voxel, ends.y() + 0.3 * voxel, z - voxel * 6));
     }
   }
 }
@@ -117,33 +117,38 @@ TEST(HeightField, SamplesAreSoilBelowTheHeightAndNowhereElse) {
   constexpr double kTie = 1e-4;  // voxels: a cell's heights are floats of some voxels
   const auto posts = height_field_test::posts(0.5);
   const auto terrain = field(posts);
-  std::int64_t soil = 0, air = 0, ties = 0;
-  Coord3 chunk(0, 0, 0);
-  for_chunks_on_borders(*posts, [&](const Vec3& first) {
-    chunk += Coord3(8, 16, 8);
-    SampleWords words;
-    terrain->samples(chunk, first, kVoxel, words);
-    std::int64_t wrong = 0;
-    for (int n = 0; n < kChunkVoxels; ++n) {
-      const Coord3 cell = numbered_voxel(n);
-      const CellPoints& points = sample_points(chunk + cell);
-      for (int i = 0; i < 64; ++i) {
-        const Vec3 in_cell(points.x[i], points.y[i], points.z[i]);
-        const Vec3 p = first + kVoxel * (cell.cast<double>() - Vec3::Constant(0.5) + in_cell);
-        const double above = p.z() - posts->height(p.x(), p.y());
-        if (std::abs(above) < kTie * kVoxel) {
-          ++ties;
-          continue;
-        }
-        ++(above < 0 ? soil : air);
-        wrong += (above < 0) != ((words[static_cast<std::size_t>(n)] >> i & 1) != 0);
-      }
-    }
-    EXPECT_EQ(wrong, 0) << "from " << first.transpose();
-  });
-  EXPECT_GT(soil, air / 4);
-  EXPECT_GT(air, soil / 4);
-  EXPECT_LT(ties, (soil + air) / 1000);
+  for (const double voxel : {kVoxel, 0.3, 0.7}) {  // cells within patches, and over up to 4 x 3
+    std::int64_t soil = 0, air = 0, ties = 0;
+    Coord3 chunk(0, 0, 0);
+    for_chunks_on_borders(
+        *posts,
+        [&](const Vec3& first) {
+          chunk += Coord3(8, 16, 8);
+          SampleWords words;
+          terrain->samples(chunk, first, voxel, words);
+          std::int64_t wrong = 0;
+          for (int n = 0; n < kChunkVoxels; ++n) {
+            const Coord3 cell = numbered_voxel(n);
+            const CellPoints& points = sample_points(chunk + cell);
+            for (int i = 0; i < 64; ++i) {
+              const Vec3 in_cell(points.x[i], points.y[i], points.z[i]);
+              const Vec3 p = first + voxel * (cell.cast<double>() - Vec3::Constant(0.5) + in_cell);
+              const double above = p.z() - posts->height(p.x(), p.y());
+              if (std::abs(above) < kTie * voxel) {
+                ++ties;
+                continue;
+              }
+              ++(above < 0 ? soil : air);
+              wrong += (above < 0) != ((words[static_cast<std::size_t>(n)] >> i & 1) != 0);
+            }
+          }
+          EXPECT_EQ(wrong, 0) << "from " << first.transpose();
+        },
+        voxel);
+    EXPECT_GT(soil, air / 4);
+    EXPECT_GT(air, soil / 4);
+    EXPECT_LT(ties, (soil + air) / 1000);
+  }
 }
 
 /// Distance to a patch: the nearest of a grid of points on it, and of finer ones about that.

@@ -17,6 +17,7 @@
 
 #include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
+#include "core/surface/height_reader.h"
 #include "tests/support/allocations.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
@@ -111,27 +112,39 @@ TEST(HeightMap, KeepsNothingThatIsNoLongerSo) {
   EXPECT_EQ(map_of(kept, grid, MapLayer::kHeight), map_of(of_clone, grid, MapLayer::kHeight));
 }
 
+/// Whoever looks first, and at whatever else.
 TEST(HeightMap, OnePlaceIsAsAmongMany) {
   std::mt19937_64 random(3);
-  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0.1, 0.05}));
-  Tracker tracker(ground, {digger()});
-  for (const Pose& pose : random_way(random)) tracker.update(0, pose);
-  HeightMap heights(ground);
-  std::vector<Vec2> near, far;
-  std::uniform_real_distribution<double> place(-3, 3);
-  for (int i = 0; i < 200; ++i) near.emplace_back(place(random), place(random));
-  far = near;
-  far.emplace_back(4000, -3000);  // too far apart to be read at once
-  std::vector<double> a(near.size()), b(far.size());
-  heights.at(near, a);
-  heights.at(far, b);
-  for (std::size_t i = 0; i < near.size(); ++i) {
-    double alone;
-    heights.at({&near[i], 1}, {&alone, 1});
-    ASSERT_EQ(alone, a[i]);
-    ASSERT_EQ(alone, b[i]);
+  const HeightGrid posts{401, 401, {-20, -20}, {0.1, 0.1}};
+  for (const auto& terrain : {std::shared_ptr<const InitialTerrain>(make_plane(0, {0.1, 0.05})),
+                              raster(posts, [](double x, double y) {
+                                return 0.1 * x + 0.4 * std::sin(3 * x) * std::cos(2 * y) +
+                                       0.1 * std::sin(23 * x + 31 * y);
+                              })}) {
+    Ground ground(0.1, Vec3(0, 0, 0), terrain);
+    Tracker tracker(ground, {digger()});
+    for (const Pose& pose : random_way(random)) tracker.update(0, pose);
+    const double deep = 13;  // more chunks than are looked at below the terrain
+    for (const double z : {2.0, -deep, 2.0})
+      tracker.update(0, {Vec3(0.5, 0.5, z), Eigen::Quaterniond::Identity()});
+    std::vector<Vec2> near, far;
+    std::uniform_real_distribution<double> place(-3, 3);
+    for (int i = 0; i < 200; ++i) near.emplace_back(place(random), place(random));
+    far = near;
+    far.emplace_back(4000, -3000);  // too far apart to be read at once
+    std::vector<double> a(near.size()), b(far.size());
+    HeightMap(ground).at(near, a);
+    HeightMap(ground).at(far, b);
+    EXPECT_LT(*std::min_element(a.begin(), a.end()), -deep / 2);
+    for (std::size_t i = 0; i < near.size(); ++i) {
+      double alone;
+      HeightMap(ground).at({&near[i], 1}, {&alone, 1});
+      ASSERT_EQ(alone, a[i]);
+      ASSERT_EQ(alone, b[i]);
+    }
+    const double beyond = terrain->height(4000, -3000).value_or(HeightReader::kNoGround);
+    EXPECT_TRUE(std::isnan(beyond) ? std::isnan(b.back()) : std::abs(b.back() - beyond) < 1e-9);
   }
-  EXPECT_NEAR(b.back(), 0.1 * 4000 - 0.05 * 3000, 1e-9);
 }
 
 TEST(HeightMap, UntouchedGroundIsTheTerrainAndCutsAreWhereTheyWereMade) {
