@@ -5,6 +5,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "core/constants.h"
+#include "core/lattice/affine.h"
 #include "core/surface/height_reader.h"
 
 namespace soilvdb::inline v0 {
@@ -113,6 +115,41 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   }
 }
 
+namespace {
+
+/// Columns::between() at the places of a line, but NaN where one of four columns has no ground.
+/// Places are rounded as the corners of what was read: none may be outside.
+SOILVDB_FOR_CPUS void read_line(const HeightReader::Columns& columns, const Vec2& first,
+                                const Vec2& along, const Vec2& aside, std::span<double> out) {
+  const double x0 = first.x(), y0 = first.y(), x_step = along.x(), y_step = along.y();
+  const double x_aside = aside.x(), y_aside = aside.y();
+  const int row = columns.size.y(), count = static_cast<int>(out.size());
+  const int first_x = columns.first.x(), first_y = columns.first.y();
+  const double *const near = columns.values.data(), *const far = near + row;
+  constexpr int kAtOnce = 64;
+  std::array<double, kAtOnce> u, v, heights;
+  std::array<int, kAtOnce> places;
+  for (int begin = 0; begin < count; begin += kAtOnce) {
+    const int n = std::min(kAtOnce, count - begin);
+    for (int k = 0; k < n; ++k) {
+      const double x = x0 + (begin + k) * x_step + x_aside, y = y0 + (begin + k) * y_step + y_aside;
+      const int cut_x = static_cast<int>(x), cut_y = static_cast<int>(y);
+      const int low_x = cut_x - (x < cut_x), low_y = cut_y - (y < cut_y);
+      u[k] = x - low_x;
+      v[k] = y - low_y;
+      places[k] = (low_x - first_x) * row + low_y - first_y;
+    }
+    for (int k = 0; k < n; ++k) {
+      const double a = near[places[k]] + v[k] * (near[places[k] + 1] - near[places[k]]);
+      const double b = far[places[k]] + v[k] * (far[places[k] + 1] - far[places[k]]);
+      heights[k] = a + u[k] * (b - a);
+    }
+    std::copy_n(heights.begin(), n, out.begin() + begin);
+  }
+}
+
+}  // namespace
+
 void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const Vec2& across_m,
                       int lines, std::span<double> heights_m) {
   HeightReader& reader = *reader_;
@@ -137,9 +174,14 @@ void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const
   const double level = ground.origin().z();
   for (int k = 0; k < lines; ++k) {
     const Vec2 aside = k * across;
-    double* const out = heights_m.data() + std::ptrdiff_t{k} * count;
-    // Rounded as the box's corners are: no place may be outside what was read.
-    for (int i = 0; i < count; ++i) out[i] = level + h * columns.between(first + i * along + aside);
+    const auto length = static_cast<std::size_t>(count);
+    const std::span<double> out = heights_m.subspan(static_cast<std::size_t>(k) * length, length);
+    read_line(columns, first, along, aside, out);
+    for (int i = 0; i < count; ++i) {
+      double& z = out[static_cast<std::size_t>(i)];
+      if (std::isnan(z)) z = columns.between(first + i * along + aside);
+      z = level + h * z;
+    }
   }
 }
 
