@@ -6,31 +6,15 @@ import math
 import numpy as np
 import pytest
 from live import Server
-from test_feeds import DATA, START
+from test_feeds import START
 from test_machines import digest, machines
-from test_scan import DEPTH, EYE, PROFILE, VOXEL, message, pit, scan
+from test_scan import DEPTH, cab_sensor, excavator_site, message, pit, scan
 
 LEVEL = [0.0, 0.0, 0.0, 1.0]
 
 
 def at(x, y, z=0.0, yaw=0.0):
     return {"position": [x, y, z], "rotation": [0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)]}
-
-
-def site(folder, more="soil: {repose_angle: 0.6, swell: 0.2}\n", name="site.yaml"):
-    path = folder / name
-    path.write_text(f"""\
-soilvdb: 1
-voxel_size: {VOXEL}
-terrain: {{plane: {{z: 0.0}}}}
-machines:
-  - name: excavator
-    bucket: {{width: 1.2, height: 0.9, profile: {PROFILE}}}
-    urdf: {DATA / "excavator.urdf"}
-    base: {{xyz: [0.0, -4.0, 0.0], rpy: [0, 0, 0]}}
-    lip: {{link: bucket_link, xyz: [1.42, 0, 0], rpy: [3.141592653589793, 1.5, 0]}}
-{more}""")
-    return path
 
 
 def states(count=60):
@@ -48,7 +32,7 @@ def test_it_goes_on_from_its_base_after_a_restart_and_when_states_are_taken_back
     for i, state in enumerate(all_states):  # those without a base are those of one that stands
         if i % 5 != 2 and i > 2:
             state["base"] = all_states[i - (i - 2) % 5]["base"]
-    path = site(tmp_path)
+    path = excavator_site(tmp_path)
     with Server(path, "--out", tmp_path / "told", cwd=tmp_path) as server:
         assert all("error" not in answer for answer in server.feed(all_states))
         told = digest(server)
@@ -76,7 +60,7 @@ def test_it_goes_on_from_its_base_after_a_restart_and_when_states_are_taken_back
 
 def test_it_drove_also_in_states_that_were_not_placed(tmp_path):
     low = {**START, "boom_joint": 0.1}
-    with Server(site(tmp_path), cwd=tmp_path) as server:
+    with Server(excavator_site(tmp_path), cwd=tmp_path) as server:
         def feed(time_s, **more):
             return server.feed([{"machine": "excavator", "time": time_s, "joints": low, **more}])[0]
         assert "error" not in feed(0, base=at(0, -4))
@@ -95,15 +79,7 @@ def test_a_sensor_on_a_link_is_where_it_drove(tmp_path):
     image, volume = pit()
     swing, yaw = 0.7, -0.4
     base = np.array([3.0, -7.0, 0.5])
-    # In the cab's frame: the place and the rotation that are EYE and DOWN there.
-    angle = swing + yaw
-    x, y, z = np.array(EYE) - base - [0, 0, 1.05]
-    place = [math.cos(angle) * x + math.sin(angle) * y, -math.sin(angle) * x + math.cos(angle) * y, z]
-    turn = [math.cos(angle / 2), -math.sin(angle / 2), 0.0, 0.0]
-    path = site(tmp_path, f"""\
-sensors:
-  cab: {{machine: excavator, link: cab_link, at: {place}, rotation: {turn}, noise: {{range: 0.005}}}}
-""")
+    path = excavator_site(tmp_path, cab_sensor(base, swing + yaw))
     stretched = {"machine": "excavator", "joints": {**START, "boom_joint": 1.0, "arm_joint": -0.6}}
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         answers = server.feed([
@@ -132,7 +108,7 @@ sensors:
 ])
 def test_bases_that_cant_be_are_refused_and_change_nothing(tmp_path, change, why):
     state = {"machine": "excavator", "time": 0.0, "joints": START, "base": at(0, 0)}
-    with Server(site(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+    with Server(excavator_site(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
         first, = server.feed([state])
         assert "error" not in first, first
         before = digest(server)

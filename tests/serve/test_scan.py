@@ -7,16 +7,14 @@ import json
 import math
 import struct
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 import soilvdb
 from live import Server, passes, view
 from test_disk import fill, small_disk
-from test_feeds import START
+from test_feeds import DATA, START
 
-DATA = Path(__file__).parents[2] / "data"
 VOXEL, CELL = 0.1, 0.01
 PROFILE = [[0, 0], [-0.45, -0.1], [-0.85, 0.15], [-0.95, 0.55], [-0.7, 0.9], [0, 0.9]]
 EYE, DOWN = (0.45, 0.45, 4.0), (1.0, 0.0, 0.0, 0.0)
@@ -46,6 +44,32 @@ def site(folder, more="soil: {repose_angle: 0.6, swell: 0.2}\n"):
     path = folder / "site.yaml"
     path.write_text(SITE + more)
     return path
+
+
+def excavator_site(folder, more="soil: {repose_angle: 0.6, swell: 0.2}\n"):
+    """Level ground, and the machine of the demonstrations with this module's bucket."""
+    path = folder / "site.yaml"
+    path.write_text(f"""\
+soilvdb: 1
+voxel_size: {VOXEL}
+terrain: {{plane: {{z: 0.0}}}}
+machines:
+  - name: excavator
+    bucket: {{width: 1.2, height: 0.9, profile: {PROFILE}}}
+    urdf: {DATA / "excavator.urdf"}
+    base: {{xyz: [0.0, -4.0, 0.0], rpy: [0, 0, 0]}}
+    lip: {{link: bucket_link, xyz: [1.42, 0, 0], rpy: [3.141592653589793, 1.5, 0]}}
+{more}""")
+    return path
+
+
+def cab_sensor(base, angle):
+    """A sensor on that machine's cab, at EYE and DOWN when the cab is turned by `angle` in all."""
+    x, y, z = np.array(EYE) - base - [0, 0, 1.05]  # from the cab's joint
+    place = [math.cos(angle) * x + math.sin(angle) * y, -math.sin(angle) * x + math.cos(angle) * y, z]
+    turn = [math.cos(angle / 2), -math.sin(angle / 2), 0.0, 0.0]
+    return ("sensors:\n"
+            f"  cab: {{machine: excavator, link: cab_link, at: {place}, rotation: {turn}, noise: {{range: 0.005}}}}\n")
 
 
 def message(head, points=b""):
@@ -227,25 +251,7 @@ def test_a_sensor_is_where_its_machine_was(tmp_path):
 def test_a_sensor_on_a_link_moves_with_its_joints(tmp_path):
     image, volume = pit()
     swing = 0.7
-    cab = np.array([0.0, -4.0, 1.05])            # where the cab turns: base, and the joint's origin
-    # In the cab's frame: the place and the rotation that are EYE and DOWN at that swing.
-    x, y, _ = np.array(EYE) - cab
-    place = [math.cos(swing) * x + math.sin(swing) * y, -math.sin(swing) * x + math.cos(swing) * y, EYE[2] - cab[2]]
-    turn = [math.cos(swing / 2), -math.sin(swing / 2), 0.0, 0.0]
-    path = tmp_path / "site.yaml"
-    path.write_text(f"""\
-soilvdb: 1
-voxel_size: {VOXEL}
-terrain: {{plane: {{z: 0.0}}}}
-machines:
-  - name: excavator
-    bucket: {{width: 1.2, height: 0.9, profile: {PROFILE}}}
-    urdf: {DATA / "excavator.urdf"}
-    base: {{xyz: [0.0, -4.0, 0.0], rpy: [0, 0, 0]}}
-    lip: {{link: bucket_link, xyz: [1.42, 0, 0], rpy: [3.141592653589793, 1.5, 0]}}
-sensors:
-  cab: {{machine: excavator, link: cab_link, at: {place}, rotation: {turn}, noise: {{range: 0.005}}}}
-""")
+    path = excavator_site(tmp_path, cab_sensor([0.0, -4.0, 0.0], swing))
     # The bucket stays out of the pit, and out of the picture.
     stretched = {**START, "boom_joint": 1.0, "arm_joint": -0.6}
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
