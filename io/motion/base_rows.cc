@@ -30,8 +30,8 @@ class BasePoses {
                                                  topics));
     if (facts.type == McapType::kTransforms) fixed_ = fixed_pose(source_, facts);
     if (fixed_) return;
-    rows_ = mcap_rows(source_, {});
-    most_end_ns_ = most_end_ns(dynamic_cast<const McapRows&>(*rows_).usual_ns());
+    rows_ = mcap_pose_rows(source_, source_.mcap.facts);
+    most_end_ns_ = most_end_ns(rows_->usual_ns());
     numbers_.resize(rows_->columns().names.size());
     begin();
   }
@@ -74,10 +74,7 @@ class BasePoses {
 
   void go_to(std::int64_t time_ns) {
     if (fixed_) return;
-    std::int64_t gap_ns = 0;
-    for (const McapStream& stream : source_.mcap.facts->streams)
-      gap_ns = std::max(gap_ns, most_gap_ns(stream.usual_ns));
-    rows_->go_to({time_ns - gap_ns, -1, 0, 0, {}});
+    rows_->go_to({time_ns - rows_->longest_gap_ns(), -1, 0, 0, {}});
     before_.reset();
     next_.reset();
     begin();
@@ -123,7 +120,7 @@ class BasePoses {
 
   MotionSource source_;
   std::optional<Pose> fixed_;
-  std::unique_ptr<RowSource> rows_;      // unless it is fixed
+  std::unique_ptr<McapRows> rows_;       // unless it is fixed
   std::vector<double> numbers_;          // scratch
   std::optional<Sample> before_, next_;  // around the last time, or the first two
   std::int64_t most_end_ns_ = 0;

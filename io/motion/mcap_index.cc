@@ -17,6 +17,7 @@ constexpr std::size_t kMostTopicsShown = 12;  // topics
 constexpr std::size_t kMostStreams = 100'000;
 constexpr std::size_t kMostStamps = 4096;  // of a stream, for the median interval
 constexpr long kBlockMessages = 256;       // block size in files without chunks
+constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;  // three years: 64 bits hold a few
 
 /// @throw InputError if the topic's type or encoding is not that of a motion
 McapType type_of(const std::filesystem::path& file, const McapChannel& channel) {
@@ -178,7 +179,7 @@ class Look {
     for (std::size_t i = times.size() - 1; i > 0; --i) times[i] -= times[i - 1];
     const auto middle = times.begin() + 1 + static_cast<std::ptrdiff_t>((times.size() - 2) / 2);
     std::nth_element(times.begin() + 1, middle, times.end());
-    stream.usual_ns = *middle;
+    stream.usual_ns = std::min(*middle, kLongest_ns);
   }
 
   [[noreturn]] void refuse() const {

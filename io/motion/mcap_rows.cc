@@ -87,12 +87,19 @@ std::int64_t most_end_ns(std::int64_t usual_ns) {
   return std::max(kMostEnd_ns, usual_ns + usual_ns / 2);
 }
 
-std::int64_t McapRows::usual_ns() const {
+std::int64_t McapRows::usual_ns(const std::vector<std::uint32_t>& streams) const {
   std::int64_t usual_ns = 0;
-  for (const std::uint32_t stream : wanted_)
+  for (const std::uint32_t stream : streams)
     if (const std::int64_t its_ns = facts_->streams[stream].usual_ns; its_ns > 0)
       usual_ns = usual_ns == 0 ? its_ns : std::min(usual_ns, its_ns);
   return usual_ns;
+}
+
+std::int64_t McapRows::longest_gap_ns() const {
+  std::int64_t longest_ns = 0;
+  for (const std::uint32_t stream : wanted_)
+    longest_ns = std::max(longest_ns, most_gap_ns(facts_->streams[stream].usual_ns));
+  return longest_ns;
 }
 
 std::optional<double> McapRows::most_gap_s() const {
@@ -133,6 +140,25 @@ MotionSource McapRows::source() const {
   return known;
 }
 
+std::unique_ptr<McapRows> mcap_pose_rows(const MotionSource& source,
+                                         const std::shared_ptr<const McapFacts>& facts) {
+  const McapTopic& wanted = source.mcap;
+  const std::string topics = topics_text(wanted);
+  if (facts->type != McapType::kTransforms && !wanted.frame.empty())
+    throw InputError(source.file, fmt::format("{} has no transforms; remove 'frame'", topics));
+  if (!wanted.more_topics.empty())
+    throw InputError(source.file,
+                     fmt::format("{} are of {}; several topics are for joints only, so name one",
+                                 topics, type_name(facts->type)));
+  if (facts->type != McapType::kTransforms) return std::make_unique<PoseRows>(source, facts);
+  if (wanted.frame.empty())
+    throw InputError(source.file,
+                     fmt::format("{} has transforms; say which is the bucket's frame, as "
+                                 "'frame: NAME' beside 'topic:'",
+                                 topics));
+  return mcap_tf_rows(source, facts);
+}
+
 std::unique_ptr<RowSource> mcap_rows(const MotionSource& source,
                                      const std::optional<Chain>& chain) {
   const McapTopic& wanted = source.mcap;
@@ -158,19 +184,7 @@ std::unique_ptr<RowSource> mcap_rows(const MotionSource& source,
                                  "sensor_msgs/JointState, or remove the machine's urdf",
                                  topics));
   }
-  if (facts->type != McapType::kTransforms && !wanted.frame.empty())
-    throw InputError(source.file, fmt::format("{} has no transforms; remove 'frame'", topics));
-  if (!wanted.more_topics.empty())
-    throw InputError(source.file,
-                     fmt::format("{} are of {}; several topics are for joints only, so name one",
-                                 topics, type_name(facts->type)));
-  if (facts->type != McapType::kTransforms) return std::make_unique<PoseRows>(source, facts);
-  if (wanted.frame.empty())
-    throw InputError(source.file,
-                     fmt::format("{} has transforms; say which is the bucket's frame, as "
-                                 "'frame: NAME' beside 'topic:'",
-                                 topics));
-  return mcap_tf_rows(source, facts);
+  return mcap_pose_rows(source, facts);
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -34,7 +34,9 @@ class McapRows : public RowSource {
   std::int64_t bytes_read() const override { return merge_.bytes_read(); }
   std::optional<double> most_gap_s() const override;
   /// The shortest of the usual intervals of its streams; 0: unknown.
-  std::int64_t usual_ns() const;
+  std::int64_t usual_ns() const { return usual_ns(wanted_); }
+  /// The longest gap that is interpolated in one of its streams.
+  std::int64_t longest_gap_ns() const;
   void warn(std::vector<std::string>& warnings) const override;
   MotionSource source() const override;
 
@@ -52,6 +54,7 @@ class McapRows : public RowSource {
     }
   };
 
+  std::int64_t usual_ns(const std::vector<std::uint32_t>& streams) const;
   /// Makes this message the current place.
   void look_at(const McapPlace& place);
   static McapPlace place_of(const RowMark& mark);
@@ -88,12 +91,14 @@ class TrackRows : public McapRows {
     bool makes_rows = false;  ///< each sample makes a row
     bool tells_gaps = false;  ///< a long gap is a fault
     McapTimes times;
-    std::int64_t usual_ns = kLatest_ns;  ///< interval of its samples
+    std::int64_t usual_ns = 0;  ///< interval of its samples; 0: unknown
     std::vector<std::uint32_t> streams;
     std::deque<Sample> samples;  ///< from the last one at or before the row
 
-    std::int64_t most_ns() const;      ///< longest gap between two samples
-    std::int64_t most_end_ns() const;  ///< longest from a row to the nearest sample, at an end
+    /// Longest gap between two samples.
+    std::int64_t most_ns() const { return most_gap_ns(usual_ns); }
+    /// Longest from a row to the nearest sample, at an end.
+    std::int64_t most_end_ns() const { return io::most_end_ns(usual_ns); }
   };
 
   void add_track(std::string what, bool makes_rows);
@@ -142,7 +147,10 @@ std::unique_ptr<RowSource> mcap_base_rows(std::unique_ptr<RowSource> joints,
 /// The pose of the source's frame in its parent, if no transform between them moves.
 /// @throw InputError if the frame is unknown, or not below the parent
 std::optional<Pose> fixed_pose(const MotionSource& source, const McapFacts& facts);
-std::unique_ptr<RowSource> mcap_tf_rows(const MotionSource& source,
-                                        const std::shared_ptr<const McapFacts>& facts);
+std::unique_ptr<McapRows> mcap_tf_rows(const MotionSource& source,
+                                       const std::shared_ptr<const McapFacts>& facts);
+/// Rows of poses or transforms. @throw InputError if the source fits neither
+std::unique_ptr<McapRows> mcap_pose_rows(const MotionSource& source,
+                                         const std::shared_ptr<const McapFacts>& facts);
 
 }  // namespace soilvdb::inline v0::io

@@ -202,8 +202,8 @@ std::optional<Pose> fixed_pose(const MotionSource& source, const McapFacts& fact
   return pose;
 }
 
-std::unique_ptr<RowSource> mcap_tf_rows(const MotionSource& source,
-                                        const std::shared_ptr<const McapFacts>& facts) {
+std::unique_ptr<McapRows> mcap_tf_rows(const MotionSource& source,
+                                       const std::shared_ptr<const McapFacts>& facts) {
   return std::make_unique<TfRows>(source, facts, find_links(source, *facts));
 }
 

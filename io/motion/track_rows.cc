@@ -11,8 +11,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;  // three years: 64 bits hold a few
-
 std::string seconds(std::int64_t ns) {
   std::string text = stamp_text(ns);
   text.erase(text.find_last_not_of('0') + 1);
@@ -28,14 +26,6 @@ std::string gap_text(const std::string& what, std::int64_t from_ns, std::int64_t
 
 }  // namespace
 
-std::int64_t TrackRows::Track::most_ns() const {
-  return most_gap_ns(usual_ns == kLatest_ns ? 0 : usual_ns);
-}
-
-std::int64_t TrackRows::Track::most_end_ns() const {
-  return io::most_end_ns(usual_ns == kLatest_ns ? 0 : usual_ns);
-}
-
 void TrackRows::add_track(std::string what, bool makes_rows) {
   Track& track = tracks_.emplace_back();
   track.what = std::move(what);
@@ -48,7 +38,7 @@ void TrackRows::add_stream(std::size_t i, std::uint32_t stream) {
   track.streams.push_back(stream);
   track.times.add(from.times.first_ns);
   track.times.add(from.times.last_ns);
-  if (from.usual_ns > 0) track.usual_ns = std::min({track.usual_ns, from.usual_ns, kLongest_ns});
+  track.usual_ns = usual_ns(track.streams);
 }
 
 McapTimes TrackRows::row_times() const {
@@ -195,17 +185,13 @@ TrackRows::Values TrackRows::at_row(Track& track) const {
 }
 
 void TrackRows::go_to(const RowMark& mark) {
-  std::int64_t most_ns = 0;
-  for (Track& track : tracks_) {
-    track.samples.clear();
-    most_ns = std::max(most_ns, track.most_ns());
-  }
+  for (Track& track : tracks_) track.samples.clear();
   waiting_.clear();
   faults_.clear();
   ended_ = looked_at_end_ = false;
   newest_ns_ = -kLatest_ns;
   from_ = place_of(mark);
-  merge_.go_to(mark.bytes - most_ns);
+  merge_.go_to(mark.bytes - longest_gap_ns());
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -303,6 +303,25 @@ TEST_F(BaseMotion, OfRecordingsIsKnownAsLongBehindAGapInAnyPart) {
   }
 }
 
+/// Its frame is sent each 4 s, and that below it each 50 ms.
+TEST_F(BaseMotion, OfRecordingsMayBeSentSeldomOnAFrameThatIsSentOften) {
+  constexpr int kLast = static_cast<int>(MotionFile::kPartSteps) + 130;
+  const auto file = record("m.mcap", [](Recording& to) {
+    for (int i = 0; i <= kLast; ++i) {
+      const double time_s = 100 + 0.01 * i;
+      if (i % 400 == 0 || i == kLast) to.transform(time_s, "cart", "root", {0.001 * i, 0, 0});
+      if (i % 5 == 0) to.transform(time_s, "map", "cart", {0, 0.001 * i, 0});
+      to.joints("/joint_states", time_s, {"boom", "stick"}, {0, 1});
+    }
+  });
+  std::vector<std::string> warnings;
+  const MotionFile motion(
+      source(file, {"/tf", "root"}), two_joints(), AngleUnit::kRadians, OnBadRow::kStop,
+      [](const Motion&, std::int64_t) {}, warnings);
+  ASSERT_EQ(motion.parts(), 2u);
+  EXPECT_NEAR(motion.part(1)->row(100).position.x(), 1 + 0.001 * (kLast - 30), 0.1);
+}
+
 TEST_F(BaseMotion, OfRecordingsThatContradictsItselfIsNotUsed) {
   const auto file = record("m.mcap", [](Recording& to) {
     for (int i = 0; i <= 100; ++i) {
