@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -15,24 +14,6 @@
 
 namespace soilvdb::tools {
 namespace {
-
-/// The configuration at a time between two rows, or that of the last row.
-std::vector<double> configuration_at(const Chain& chain, const io::MotionRows& rows,
-                                     double time_s) {
-  const auto after = std::upper_bound(rows.times_s.begin(), rows.times_s.end(), time_s);
-  const auto to = static_cast<std::size_t>(
-      std::min(after - rows.times_s.begin(), std::ptrdiff_t(rows.times_s.size()) - 1));
-  const std::size_t from = to > 0 ? to - 1 : 0;
-  const double begin_s = rows.times_s[from], end_s = rows.times_s[to];
-  const double share =
-      end_s > begin_s ? std::clamp((time_s - begin_s) / (end_s - begin_s), 0.0, 1.0) : 1;
-  const auto row = [&](std::size_t i) {
-    return std::span(rows.values).subspan(i * rows.columns, rows.columns);
-  };
-  std::vector<double> values(row(to).begin(), row(to).end());
-  if (share != 1) chain.between(row(from), row(to), share, values.data());
-  return values;
-}
 
 std::optional<double> time_of(const io::JournalUpdate& update) {
   return std::isnan(update.end_s) ? std::nullopt : std::optional(update.end_s);
@@ -112,12 +93,17 @@ void SiteState::follow(const io::JournalUpdate& update) {
   Input now{input ? input->time_s : std::nullopt};
   const std::size_t last = rows.times_s.size() - 1;
   const bool to_last = !(rows.times_s[last] > update.end_s);
-  now.pose = to_last ? row_pose(update.machine, rows, last)
-                     : io::motion_of(rows, model_->machines[update.machine].chain.value_or(Chain()))
-                           .pose(update.end_s);
-  if (rows.joints)
-    now.configuration =
-        configuration_at(chain(update.machine), rows, to_last ? rows.times_s[last] : update.end_s);
+  if (to_last) {
+    now.pose = row_pose(update.machine, rows, last);
+    if (rows.joints)
+      now.configuration.assign(rows.values.end() - static_cast<std::ptrdiff_t>(rows.columns),
+                               rows.values.end());
+  } else {
+    const Motion motion =
+        io::motion_of(rows, model_->machines[update.machine].chain.value_or(Chain()));
+    now.pose = motion.pose(update.end_s);
+    now.configuration = motion.joint_values(update.end_s);
+  }
   if (std::isfinite(update.end_s)) now.time_s = update.end_s;
   set_direction(now, update.kind == Kind::kMove ? input : std::nullopt);
   input = std::move(now);

@@ -49,14 +49,10 @@ void Player::feed(std::size_t machine, double time_s) {
   const Motion& motion = *track.rows;
   std::vector<double> values;
   if (motion.poses().empty()) {
-    const std::size_t to = track.row, from = to > 0 ? to - 1 : 0;
-    const double begin_s = motion.times_s()[from], end_s = motion.times_s()[to];
-    const std::size_t joints = motion.chain().movable_count();
-    const std::span<const double> row = motion.configuration(to);
+    const std::span<const double> row = motion.configuration(track.row);
     values.assign(row.begin(), row.end());
-    if (time_s != end_s && end_s > begin_s)
-      motion.chain().between(motion.configuration(from), row,
-                             (time_s - begin_s) / (end_s - begin_s), values.data());
+    if (time_s != motion.times_s()[track.row]) values = motion.joint_values(time_s);
+    const std::size_t joints = motion.chain().movable_count();
     state.joints = std::span<const double>(values).first(joints);
     if (values.size() > joints) state.base = pose_of(&values[joints]);
   } else {
