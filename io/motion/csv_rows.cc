@@ -71,7 +71,7 @@ class CsvRows : public RowSource {
                              zero.size() == 1 ? "isn't" : "aren't") +
                  other_case(zero, unused);
     }
-    warnings.push_back(std::move(warning));
+    warnings.push_back(warning + other_case(columns_.absent, unused));
   }
 
  private:

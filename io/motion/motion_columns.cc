@@ -85,8 +85,12 @@ class Header {
     std::string of_base, of_joint;
     for (const auto& names : {kPosition, kAngles, kQuaternion})
       for (const std::string& name : prefixed(kBase, names))
-        if (has(name)) (used(name.c_str()) ? of_joint : of_base) = name;
+        if (has(name))
+          (used(name.c_str()) ? of_joint : of_base) = name;
+        else
+          c.absent.push_back(name);
     if (of_base.empty()) return c;
+    c.absent.clear();
     if (!of_joint.empty())
       lines_.fail(
           fmt::format("'{}' is of the base's pose, and '{}' is a joint of the urdf; rename "

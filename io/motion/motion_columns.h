@@ -21,6 +21,7 @@ struct Columns {
   bool quaternion = false;               ///< of the pose, or of the base
   std::optional<std::size_t> base = {};  ///< of `names`: first of the base's, after the joints'
   std::vector<std::string> unused;       ///< names of the file's other columns
+  std::vector<std::string> absent = {};  ///< the base's, where the file has none of them
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 };
 

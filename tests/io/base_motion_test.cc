@@ -164,6 +164,15 @@ TEST_F(BaseMotion, SaysWhatIsWrongWithItsColumns) {
   EXPECT_EQ(motion.joint_values().size(), 4u);
 }
 
+TEST_F(BaseMotion, HasColumnsInLowerCase) {
+  const MotionInput got = read_motion(
+      folder_.write("m.csv", "time,boom,stick,Base_X,Base_Y,Base_Z\n0,0,1,0,0,0\n"), two_joints());
+  ASSERT_EQ(got.warnings.size(), 1u);
+  EXPECT_THAT(got.warnings[0],
+              HasSubstr("ignored columns 'Base_X', 'Base_Y' and 'Base_Z'; did you mean 'base_x' by "
+                        "'Base_X', 'base_y' by 'Base_Y', 'base_z' by 'Base_Z'?"));
+}
+
 TEST_F(BaseMotion, HasColumnsThatAreNoJoints) {
   Chain chain = two_joints();
   chain.joints[1].name = "base_x";

@@ -229,6 +229,9 @@ TEST_F(ScenarioFile, MachinesByJointsNeedTheirParts) {
                           "    motion: {mcap: m.mcap, topic: /a, base: {topic: /tf, parent: map}}"),
             "s.yaml:15: 'parent' goes with 'frame', the urdf's root's, which is seen from there; "
             "add that, or remove 'parent'");
+  EXPECT_EQ(error(13, by_joints + "    motion: {mcap: m.mcap, topic: /a, base: {topic: /tf, "
+                                  "frame: map, parent: map}}"),
+            "s.yaml:15: 'parent' is 'map', as 'frame' is; name the world's frame");
   EXPECT_EQ(
       error(13, "    motion: m.csv\n    urdf: m.urdf\n    lip: {link: bucket_link}"),
       "m.csv:1: column 'boom' is missing; the machine has a urdf, so its motion needs a column "
