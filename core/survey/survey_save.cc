@@ -157,15 +157,7 @@ Block take_block(std::string_view& in, std::uint64_t origins) {
   return block;
 }
 
-/// Numbers of sensors by their names, so that the order of their first scans does not show.
-std::vector<int> saved_numbers(const SurveyState& s) {
-  std::vector<int> numbers(s.by_name.size());
-  for (std::size_t n = 0; n < numbers.size(); ++n)
-    numbers[static_cast<std::size_t>(s.by_name[n])] = static_cast<int>(n);
-  return numbers;
-}
-
-/// @param numbers as saved_numbers() has them
+/// @param numbers of sensors as they are saved
 void put_tile(std::string& out, const SurveyTile& tile, const std::vector<int>& numbers) {
   put(out, tile.cell.x());
   put(out, tile.cell.y());
@@ -217,17 +209,14 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
                 const std::set<Block>& blocks) {
   put(out, kSurveyFormat);
   put(out, all);
-  const std::vector<int> numbers = saved_numbers(s);
-  std::vector<const Sensor*> sensors(s.sensors.size());
-  for (std::size_t n = 0; n < numbers.size(); ++n)
-    sensors[static_cast<std::size_t>(numbers[n])] = &s.sensors[n];
-  put_number(out, sensors.size());
-  for (const Sensor* sensor : sensors) {
-    put_text(out, sensor->name);
-    put(out, sensor->pose);
+  put_number(out, s.sensors.size());
+  for (const int number : s.by_name) {  // so that the order of their first scans does not show
+    const Sensor& sensor = s.sensors[static_cast<std::size_t>(number)];
+    put_text(out, sensor.name);
+    put(out, sensor.pose);
     for (const double value :
-         {sensor->range_sigma_m, sensor->range_squared_sigma_per_m, sensor->mount_height_sigma_m,
-          sensor->mount_tilt_sigma_rad, sensor->mount_scale_sigma})
+         {sensor.range_sigma_m, sensor.range_squared_sigma_per_m, sensor.mount_height_sigma_m,
+          sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma})
       put(out, value);
   }
   put_number(out, s.buckets.size());
@@ -267,7 +256,7 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   put(out, s.is_solved);
   put(out, s.sigma_m3);
   put_number(out, tiles.size());
-  for (const auto& [x, y] : tiles) put_tile(out, s.tiles.at(plan_key({x, y})), numbers);
+  for (const auto& [x, y] : tiles) put_tile(out, s.tiles.at(plan_key({x, y})), s.ranks);
   put_cells_of(out, s.news);
   put(out, s.has_corrected);
   put(out, s.is_first);

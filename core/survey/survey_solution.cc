@@ -21,20 +21,20 @@ double square(double value) { return value * value; }
 }  // namespace
 
 void SurveyState::set_places() {
-  const std::vector<int> before = places;
+  const std::vector<int> before = by_name;
   by_name.resize(sensors.size());
-  places.resize(sensors.size());
+  ranks.resize(sensors.size());
   std::iota(by_name.begin(), by_name.end(), 0);
   std::sort(by_name.begin(), by_name.end(), [&](int a, int b) {
     return sensors[static_cast<std::size_t>(a)].name < sensors[static_cast<std::size_t>(b)].name;
   });
   for (std::size_t n = 0; n < by_name.size(); ++n)
-    places[static_cast<std::size_t>(by_name[n])] =
-        static_cast<int>(lip_sigmas_m.size()) + kOfSensor * static_cast<int>(n);
-  std::vector<Eigen::Index> to(lip_sigmas_m.size() + kOfSensor * before.size());
-  for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m) to[m] = static_cast<Eigen::Index>(m);
-  for (std::size_t s = 0; s < before.size(); ++s)
-    for (int n = 0; n < kOfSensor; ++n) to[static_cast<std::size_t>(before[s] + n)] = places[s] + n;
+    ranks[static_cast<std::size_t>(by_name[n])] = static_cast<int>(n);
+  std::vector<Eigen::Index> to(lip_sigmas_m.size());
+  std::iota(to.begin(), to.end(), 0);
+  for (const int sensor : before)
+    for (int n = 0; n < kOfSensor; ++n)
+      to.push_back(place_of(static_cast<std::size_t>(sensor)) + n);
   widen_errors(to);
   const auto widen = [&](Eigen::VectorXd& values) {
     if (values.size() == 0) return;
@@ -78,7 +78,7 @@ Eigen::VectorXd SurveyState::prior() const {
     const double sigmas[] = {sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad,
                              sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma};
     for (int n = 0; n < kOfSensor; ++n)
-      variances[places[s] + n] = std::max(square(sigmas[n]), kLeastScanVariance);
+      variances[place_of(s) + n] = std::max(square(sigmas[n]), kLeastScanVariance);
   }
   return variances;
 }
@@ -112,8 +112,8 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
     all.weight += weight;
     all.residual += weight * kScanUnit_m * static_cast<double>(sum.residual) / whole;
     for (int n = 0; n < kOfSensor; ++n)
-      sees[places[s] + n] += weight * kScanLever_m *
-                             static_cast<double>(sum.sees[static_cast<std::size_t>(n)]) / whole;
+      sees[place_of(s) + n] += weight * kScanLever_m *
+                               static_cast<double>(sum.sees[static_cast<std::size_t>(n)]) / whole;
   }
   if (all.weight > 0) {
     all.residual /= all.weight;
@@ -429,48 +429,19 @@ class SurveyState::SeenColumns {
     own_ = columns_.size();
   }
 
-  /// Adds up what the columns say of the common errors. @param volumes and the errors of theirs
-  void sum_up(bool volumes) {
-    std::set<Block> changed;
-    for (std::size_t t = 0; t < own_tiles_; ++t) {
-      std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
-      for (const auto& [block, part] : parts) changed.insert(block);
-      parts.clear();
-      for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) {
-        const Column& c = columns_[n];
-        const Block block = state_.block_of(*c.tile, c.i);
-        BlockSums& part = parts.try_emplace(block, errors_).first->second;
-        if (!is_other(c.column()) && c.residual.weight > 0) {
-          part.weight += c.residual.weight;
-          part.residual += c.residual.weight * c.residual.residual;
-          part.variance += c.residual.weight * c.residual.variance;
-          part.sees += c.residual.weight * sees(n);
-          if (c.lip >= 0) part.sees[c.lip] -= c.residual.weight;
-        }
-        ++part.columns;
-        state_.correct(c.column(), c.residual, sees(n), correction_);
-        part.on += correction_.on;
-        if (volumes && (c.is_corrected || !is_datum(c.column())))
-          state_.add_volume(part, c.column(), c.residual, correction_, square(state_.voxel_m()),
-                            c.is_corrected);
-      }
-      for (const auto& [block, part] : parts) changed.insert(block);
-    }
-    for (const Block& block : changed) {
-      std::optional<BlockSums>& sums = state_.blocks[block].sums;
-      sums.reset();
-      for (const SurveyTile* tile : state_.tiles_of(block))
-        if (const auto part = tile->parts.find(block); part != tile->parts.end()) {
-          if (!sums) sums.emplace(errors_);
-          sums->add(part->second);
-        }
-    }
+  /// Adds up what the columns say of the common errors.
+  void sum_up() { sum_blocks(sum_columns()); }
+  /// The same, and the errors of the columns' volumes.
+  void sum_up_with_volumes() {
+    const std::set<Block> changed = sum_columns();
+    add_volumes();
+    sum_blocks(changed);
   }
 
   /// Finds the common errors, and the columns that are off by more than these explain.
   void find_others() {
     for (std::size_t n = 0; n < own_; ++n) tell(columns_[n], columns_[n].is_surveyed());
-    sum_up(false);
+    sum_up();
     state_.errors = state_.estimate();
     look_beside();
     for (int round = 0; round < kGateRounds; ++round) {
@@ -482,7 +453,7 @@ class SurveyState::SeenColumns {
       }
       for (std::size_t t = 0; t < own_tiles_; ++t)
         for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) judge(tiles_[t], n, off);
-      sum_up(false);
+      sum_up();
       state_.errors = state_.estimate();
     }
   }
@@ -530,6 +501,55 @@ class SurveyState::SeenColumns {
 
   Eigen::Map<Eigen::VectorXd> sees(std::size_t n) {
     return {sees_.data() + n * static_cast<std::size_t>(errors_), errors_};
+  }
+
+  /// @return the blocks of which tiles' parts changed
+  std::set<Block> sum_columns() {
+    std::set<Block> changed;
+    for (std::size_t t = 0; t < own_tiles_; ++t) {
+      std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
+      for (const auto& [block, part] : parts) changed.insert(block);
+      parts.clear();
+      for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) {
+        const Column& c = columns_[n];
+        const Block block = state_.block_of(*c.tile, c.i);
+        BlockSums& part = parts.try_emplace(block, errors_).first->second;
+        if (!is_other(c.column()) && c.residual.weight > 0) {
+          part.weight += c.residual.weight;
+          part.residual += c.residual.weight * c.residual.residual;
+          part.variance += c.residual.weight * c.residual.variance;
+          part.sees += c.residual.weight * sees(n);
+          if (c.lip >= 0) part.sees[c.lip] -= c.residual.weight;
+        }
+        ++part.columns;
+        state_.correct(c.column(), c.residual, sees(n), correction_);
+        part.on += correction_.on;
+      }
+      for (const auto& [block, part] : parts) changed.insert(block);
+    }
+    return changed;
+  }
+
+  void add_volumes() {
+    for (std::size_t n = 0; n < own_; ++n) {
+      const Column& c = columns_[n];
+      if (!c.is_corrected && is_datum(c.column())) continue;
+      state_.correct(c.column(), c.residual, sees(n), correction_);
+      state_.add_volume(c.tile->parts.at(state_.block_of(*c.tile, c.i)), c.column(), c.residual,
+                        correction_, square(state_.voxel_m()), c.is_corrected);
+    }
+  }
+
+  void sum_blocks(const std::set<Block>& changed) {
+    for (const Block& block : changed) {
+      std::optional<BlockSums>& sums = state_.blocks[block].sums;
+      sums.reset();
+      for (const SurveyTile* tile : state_.tiles_of(block))
+        if (const auto part = tile->parts.find(block); part != tile->parts.end()) {
+          if (!sums) sums.emplace(errors_);
+          sums->add(part->second);
+        }
+    }
   }
 
   void add(SurveyTile& tile) {
@@ -628,7 +648,7 @@ std::vector<SurveyChange> SurveyState::solve() {
   Tiles others;
   std::set_difference(unsummed.begin(), unsummed.end(), now.begin(), now.end(),
                       std::inserter(others, others.end()));
-  SeenColumns(*this, others).sum_up(true);
+  SeenColumns(*this, others).sum_up_with_volumes();
   std::optional<SeenColumns> seen(std::in_place, *this, now);
   seen->find_others();
   const std::size_t count = now.size();
@@ -638,7 +658,7 @@ std::vector<SurveyChange> SurveyState::solve() {
     seen->find_others();
   }
   std::vector<SurveyChange> made = seen->corrections();
-  seen->sum_up(true);
+  seen->sum_up_with_volumes();
   unsummed.clear();
   for (const SurveyChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
   std::set<Block> seen_blocks;

@@ -53,8 +53,8 @@ struct SurveyRecord {
   std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
   std::uint32_t time = 1;                                  // counts changes of the ground
   std::vector<Sensor> sensors;                             // in order of their first scan
-  std::vector<int> places;                                 // of their common errors, by their names
   std::vector<int> by_name;                                // their numbers
+  std::vector<int> ranks;                                  // of each in that order
   std::map<Block, BlockState> blocks;
   std::set<Block> untold_blocks;
   /// What save_changes() tells of: what changed from one correction to the next.
@@ -124,6 +124,10 @@ struct SurveyState : SurveyRecord {
   Eigen::Index lip_of(const SurveyColumn& column) const;
   Eigen::VectorXd prior() const;
   Eigen::Index error_count() const;
+  /// The first of a sensor's common errors.
+  Eigen::Index place_of(std::size_t sensor) const {
+    return static_cast<Eigen::Index>(lip_sigmas_m.size()) + kOfSensor * ranks[sensor];
+  }
   /// To be called when a sensor has come.
   void set_places();
   /// Makes room for errors that came. @param to the new numbers of those that were
