@@ -192,11 +192,11 @@ def identification(soilvdb, quick, rho):
                     rotation=(0, math.sin(pitch / 2), 0, math.cos(pitch / 2)))
         rows.append(site.cut_geometry())
     rows = rows[5:]
-    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52)
+    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52, tool_friction=0.35)
     forces = np.array([row.resistance(truth).force for row in rows])
     inside, found = np.zeros(2), []
     draws = 10 if quick else 500
-    guess = soilvdb.Soil(density=1750, cohesion=3e3, friction_angle=0.6)
+    guess = soilvdb.Soil(density=1750, cohesion=3e3, friction_angle=0.6, tool_friction=0.35)
     noise = 0.05 * np.linalg.norm(forces, axis=1, keepdims=True) / math.sqrt(3)
     for _ in range(draws):
         measured_ = forces + noise * errors_of_rows(rng, len(rows), rho)

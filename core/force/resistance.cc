@@ -98,6 +98,9 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
   all.rolled = rolled_;
   // The middle of the blade says whether soil may ride before it.
   BodyGuess body;
+  // An edge that slides along itself doesn't press.
+  const Vec3 lip = pose_.rotation * Vec3::UnitY();
+  const Vec3 across_lip = (way_ - way_.dot(lip) * lip).stableNormalized();
   // Soil beside the blade pushes at its corners.
   const double sides = open_left_ + open_right_;
   const Vec3 beside = sides > 0 ? Vec3((open_left_ - open_right_) / sides * width_m_ / 2 *
@@ -145,16 +148,26 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       depth = std::max(0.0, heights[static_cast<std::size_t>(at)]);
     }
     all.depth_m += share * depth;
-    if (edge_m_ > 0 && depth > 0)
-      add_pressure(all.edge, {factors, soil, depth, edge_m_}, lip_share_ * edge_m_ * strip_m_,
-                   strip.lip, way_);
+    if (edge_m_ > 0 && depth > 0) {
+      // As much of the edge as is below the ground.
+      const double upright = std::max(std::abs(std::cos(rake_rad_)), kNearlyUpright);
+      const double edge = std::min(edge_m_, depth / upright);
+      add_pressure(all.edge, {factors, soil, depth, edge}, lip_share_ * edge * strip_m_, strip.lip,
+                   across_lip);
+    }
   }
   if (by_force > 0) all.angle_rad /= by_force;
   if (plates_m2_ > 0)
     add_pressure(all.edge, {factors, soil, all.depth_m / 2, plate_m_}, plates_share_ * plates_m2_,
-                 plates_at_, way_);
+                 plates_at_, pose_.rotation * Vec3::UnitX());
   for (const Heel& heel : heels_) {
-    add_pressure(all.heel, {factors, soil, heel.depth, heel.length}, heel.area, heel.at, heel.out);
+    const BearingPressure pressure(factors, soil, heel.depth, std::min(heel.length, width_m_));
+    // Soil slides along the face, but where that goes straight into it.
+    const Vec3 slides = way_ - way_.dot(heel.out) * heel.out;
+    const Vec3 along = slides / std::max(slides.norm(), kFullPress);
+    const double tangent = std::tan(soil.tool_friction);
+    add_pressure(all.heel, pressure, heel.area, heel.at, heel.out + tangent * along);
+    by.col(3) -= (1 + tangent * tangent) * pressure.value * heel.area * along;
     all.pressed = true;
   }
   // The load without what the wedges count: less there, not evenly.

@@ -151,7 +151,11 @@ class TrialWedge {
     force.d_up[4] -= face_.length * rake_.sine;
     force.failure = std::atan2(at.z, at.x);
     const double weight = soil_.unit_weight * by_weight;
-    force.arm = p > 0 ? (weight / 3 + (p - weight) / 2) / p * face_.length : 0;
+    // The weight's pressure grows with depth below the ground, from the face's end down to the toe.
+    const double deep = std::max(0.0, ground(slice_, face_.toe_x));
+    const double cover = std::max(0.0, ground(slice_, face_.toe_x + face_.end_x) - face_.end_z);
+    const double third = deep > 0 ? (deep + 2 * cover) / (3 * (deep + cover)) : 1.0 / 3;
+    force.arm = p > 0 ? (weight * third + (p - weight) / 2) / p * face_.length : 0;
     force.open = at.last;
     return force;
   }
@@ -240,6 +244,7 @@ class TrialWedge {
       try_exit(end, last, best);
       return;
     }
+    try_exit(*begin, false, best);  // where crescents begin, P has no derivative
     // The root by false position; the end that stays counts half (Illinois).
     for (int n = 0, side = 0; n < kMaxWedgeSteps; ++n) {
       other = exit(piece, (low * up - high * down) / (up - down));

@@ -320,6 +320,22 @@ TEST(Resistance, OfBluntEdgesIsByTheirWay) {
     const Vec3 way(std::cos(rise_deg * kDeg), 0, std::sin(rise_deg * kDeg));
     EXPECT_LT((edge(rise_deg) - share * way).norm(), 1e-3) << rise_deg;
   }
+  for (const double aside_deg : {60., -75.}) {  // along itself it doesn't press
+    const Vec3 way(std::cos(aside_deg * kDeg), std::sin(aside_deg * kDeg), 0);
+    const CutGeometry cut(dig.heights, *dig.ground, blunt, there, way, 0);
+    const Vec3 force = turned(cut.resistance(kLoam, false).edge, lean(60)).force;
+    EXPECT_NEAR(force.y(), 0, 1e-6);
+    EXPECT_LT(force.x(), 0);
+  }
+  // As much of its thickness as is below the ground: it stands at right angles to the blade.
+  for (const double deep : {0.001, 0.004, 0.012, 0.05}) {
+    const double thick = std::min(0.02, deep / std::cos(60 * kDeg));
+    const double pressure = 10e3 * 30.140 + 18e3 * (deep * 18.401 + thick * 22.402 / 2);
+    const CutGeometry cut(dig.heights, *dig.ground, blunt, {Vec3(0, 0, 0.3 - deep), lean(60)},
+                          Vec3::UnitX(), 0);
+    const double force = cut.resistance(kLoam, false).edge.force.norm();
+    EXPECT_NEAR(force, pressure * thick * 1.2, 1e-3 * force) << deep;
+  }
   Bucket plates = bucket();
   plates.plate_m = 0.03;
   const CutGeometry cut(dig.heights, *dig.ground, plates, {Vec3::Zero(), from_rpy(0, 0, 0)},
@@ -384,13 +400,16 @@ TEST(Resistance, PressesOnAFloorThatDescendsBackwards) {
   };
   const Resistance heel = at(0);
   EXPECT_TRUE(heel.pressed);
-  EXPECT_LT(heel.heel.force.x(), 0);  // at right angles to the floor
-  EXPECT_NEAR(heel.heel.force.z(), -5 * heel.heel.force.x(), 1e-6 * heel.heel.force.norm());
+  // At right angles to the floor, and along it against the way by the tool's friction.
+  const Vec3 out = Vec3(0.1, 0, -0.5).normalized(), along = Vec3(0.5, 0, 0.1).normalized();
+  const double pressed = -heel.heel.force.dot(out), rubbed = -heel.heel.force.dot(along);
+  EXPECT_NEAR(rubbed, std::tan(kLoam.tool_friction_rad) * pressed, 1e-6 * pressed);
+  EXPECT_NEAR(heel.heel.force.y(), 0, 1e-6 * pressed);
   EXPECT_EQ(heel.cut.force, Vec3::Zero());
   // A footing as long as the floor, at its mean depth.
   const double length = std::hypot(0.5, 0.1);
   const double pressure = 10e3 * 30.140 + 18e3 * (0.35 * 18.401 + length * 22.402 / 2);
-  EXPECT_NEAR(heel.heel.force.norm(), pressure * 1.2 * length, 0.02 * pressure * 1.2 * length);
+  EXPECT_NEAR(pressed, pressure * 1.2 * length, 0.02 * pressure * 1.2 * length);
   Dig whole(0.05, make_plane(0, {0, 0}), low);  // not dug
   const CutGeometry cut(whole.heights, *whole.ground, low, {Vec3(0, 0, -0.3), from_rpy(0, 0, 0)},
                         Vec3::UnitX(), 0);

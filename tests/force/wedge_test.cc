@@ -166,6 +166,35 @@ TEST(Wedge, HasTheForcesOfTwelveCases) {
   }
 }
 
+/// The pressure of sand grows with depth, also along a blade whose end is below the ground.
+TEST(Wedge, ActsWhereItsPressureDoes) {
+  const Scene ground = sloped(0.5);
+  for (const double face : {0.1, 0.3, 0.6, 2.0}) {
+    SoilSlice slice = ground.slice(45);
+    slice.face = face;
+    const double end = std::max(0.0, 0.5 - face * std::sin(45 * kDeg));  // below the ground
+    const double length = (0.5 - end) / std::sin(45 * kDeg);
+    double sum = 0, moment = 0;
+    constexpr int kParts = 1000;
+    for (int n = 0; n < kParts; ++n) {
+      const double s = (n + 0.5) / kParts * length, pressure = 0.5 - s * std::sin(45 * kDeg);
+      sum += pressure;
+      moment += pressure * s;
+    }
+    EXPECT_NEAR(wedge_force(slice, soil(18e3, 0, 30, 20)).arm, moment / sum, 1e-5) << face;
+  }
+}
+
+/// Beside a blade of little friction the least plane may be the upright one.
+TEST(Wedge, TriesTheUprightPlaneWithCrescents) {
+  const Scene ground = sloped(0.3);
+  SoilSlice slice = ground.slice(40);
+  slice.open_sides = 2;
+  slice.width = 1.2;
+  const WedgeForce force = wedge_force(slice, soil(18e3, 10e3, 5, 0));
+  EXPECT_NEAR(force.failure / kDeg, 90, 1e-6);
+}
+
 TEST(Wedge, HasClosedForms) {
   for (const double phi : {20., 30., 40.}) {
     const double kp = std::pow(std::tan((45 + phi / 2) * kDeg), 2);

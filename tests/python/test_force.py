@@ -267,9 +267,10 @@ def dig_rows(count, seed):
 
 def test_identify_finds_the_soil_and_how_well():
     rows = dig_rows(105, 1)
-    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52)
+    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52, tool_friction=0.35)
     exact = np.array([row.resistance(truth).force for row in rows])
-    found = soilvdb.identify(rows, exact, soil=soilvdb.Soil(density=1750, friction_angle=0.7))
+    found = soilvdb.identify(rows, exact, soil=soilvdb.Soil(density=1750, friction_angle=0.7,
+                                                            tool_friction=0.35))
     assert found.cohesion == pytest.approx(7e3, rel=1e-3)
     assert found.friction_angle == pytest.approx(0.52, rel=1e-3)
     assert found.told_apart and found.soil.density == 1750
@@ -278,14 +279,15 @@ def test_identify_finds_the_soil_and_how_well():
     draws = 60
     for _ in range(draws):
         noisy = exact * (1 + 0.05 * rng.standard_normal(exact.shape))
-        got = soilvdb.identify(rows, noisy, soil=soilvdb.Soil(density=1750, friction_angle=0.6))
+        got = soilvdb.identify(rows, noisy, soil=soilvdb.Soil(density=1750, friction_angle=0.6,
+                                                              tool_friction=0.35))
         assert 0.01 < got.noise < 0.06
         inside += [abs(got.cohesion - 7e3) < 2 * got.cohesion_sigma,
                    abs(got.friction_angle - 0.52) < 2 * got.friction_angle_sigma]
     assert (inside > 0.85 * draws).all()
     # Errors that go on from row to row tell less.
     last = [soilvdb.identify(rows, exact * (1 + 0.05 * lasting(rng, len(rows), 0.8)),
-                             soil=soilvdb.Soil(density=1750, friction_angle=0.6))
+                             soil=soilvdb.Soil(density=1750, friction_angle=0.6, tool_friction=0.35))
             for _ in range(20)]
     assert np.median([each.cohesion_sigma for each in last]) > 1.5 * got.cohesion_sigma
     assert sum(abs(each.cohesion - 7e3) < 2.5 * each.cohesion_sigma for each in last) > 15
@@ -321,7 +323,7 @@ def test_truth_is_inside_two_sigma_of_errors_that_go_on(rho):
 
 def test_sigmas_know_gaps_and_rows_that_are_exact():
     rows = dig_rows(105, 1)
-    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52)
+    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52, tool_friction=0.35)
     exact = np.array([row.resistance(truth).force for row in rows])
     found = soilvdb.identify(rows, exact, soil=truth)
     assert found.cohesion_sigma < 1e-3 and found.friction_angle_sigma < 1e-7
@@ -339,6 +341,29 @@ def test_sigmas_know_gaps_and_rows_that_are_exact():
         more.append(sigma(np.arange(200), error[:200]) / sigma(np.arange(200), error[::5]))
         less.append(sigma(apart, error[apart]) / sigma(np.arange(200), error[apart]))
     assert (np.mean(more, axis=0) > 1.2).all() and (np.mean(less, axis=0) < 0.99).all()
+
+
+@pytest.mark.parametrize("share", [0.5, 0.62, 0.9, 1.0])
+def test_sigmas_know_that_the_tool_friction_is_a_guess(share):
+    rows = dig_rows(105, 1)
+    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52, tool_friction=share * 0.52)
+    exact = np.array([row.resistance(truth).force for row in rows])
+    found = soilvdb.identify(rows, exact, soil=soilvdb.Soil(density=1750, friction_angle=0.6))
+    assert abs(found.cohesion - 7e3) < 3 * found.cohesion_sigma
+    assert abs(found.friction_angle - 0.52) < 3 * found.friction_angle_sigma
+    assert found.friction_angle_sigma < 0.3
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_of_one_pose_have_no_sigma(seed):
+    """Cohesion and friction then change one number."""
+    site = blade()
+    force = site.resistance(soil=LOAM).force
+    noise = 1 + 0.05 * np.random.default_rng(seed).standard_normal((100, 3))
+    found = soilvdb.identify([site.cut_geometry()] * 100, force * noise, soil=LOAM)
+    assert not found.told_apart and "other depths" in found.why
+    assert math.isinf(found.cohesion_sigma) and math.isinf(found.friction_angle_sigma)
+    assert abs(found.correlation) == 1
 
 
 def test_identify_says_when_rows_do_not_tell():

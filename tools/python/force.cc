@@ -144,7 +144,7 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
           "of the failure planes with the way ahead, rad")
       .def_property_readonly(
           "depth_m", [](const ResistanceValue& v) { return v.of.depth_m; },
-          "of the lip below the ground, mean over its width")
+          "of the lip below the ground just ahead, mean over its width")
       .def_property_readonly(
           "limited", [](const ResistanceValue& v) { return v.of.limited(); },
           "why the force is a rough estimate: 'steep blade': soil rides before it; 'heel'; or too "

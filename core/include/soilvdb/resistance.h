@@ -48,7 +48,7 @@ struct Resistance {
   /// lifted off the ground.
   Eigen::Matrix<double, 3, 5> by_strength = Eigen::Matrix<double, 3, 5>::Zero();
   double angle_rad = 0;  ///< of the failure planes with the way ahead, mean by force
-  double depth_m = 0;    ///< of the lip below the ground, mean over its width
+  double depth_m = 0;    ///< of the lip below the ground just ahead, mean over its width
   bool steep = false;    ///< soil rides before a steep blade: a rough estimate
   bool pressed = false;  ///< a heel presses: a rough estimate
   bool open = false;     ///< the wedge ends where no more ground was looked at, or is known

@@ -16,6 +16,7 @@ RATE_HZ = 100.0
 SPEED_M_S = 0.6
 DEPTH_M = 0.35  # below the ground ahead, where the force allows it
 LENGTH_M = 5.0
+TOO_LOW = ("ground ends ahead", "no failure plane", "rolled over")
 PROFILE = [(0, 0), (-0.5, 0.1), (-0.85, 0.4), (-0.6, 0.9), (0, 0.9)]
 
 
@@ -33,6 +34,8 @@ def dig(site: soilvdb.Site, limit_n: float) -> list[tuple[float, float, float, f
         force, depth = 0.0, 0.0
         if rows:
             resistance = site.resistance(0)
+            if any(why in resistance.limited for why in TOO_LOW):
+                raise SystemExit(f"at x = {x:.2f} m the force is too low: {resistance.limited}")
             force, depth = -float(resistance.world.force[0]), resistance.depth_m
         # Down towards the depth within 0.5 s; up by what the force is too much; without jerks.
         wanted = max((ground - DEPTH_M - lip) / 0.5, -0.3) + 2.0 * max(0.0, force / limit_n - 0.8)

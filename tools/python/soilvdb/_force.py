@@ -19,6 +19,8 @@ from ._soilvdb import CutGeometry, Soil
 _STEPS = 60
 _FRICTION = (0.02, 1.2)  # rad, what soils have and more
 _APART = 0.995           # correlation from which on rows can't tell the two apart
+_ALIKE = 1e-4            # sine of the angle between both effects below which they are one
+_TIE_SIGMA = 0.144       # of tool friction's share of friction, if that is anything from 1/2 to 1
 _NOISY = 0.3             # misfit from which on they tell nothing
 
 
@@ -34,7 +36,7 @@ class Identified:
     """The soil that explains measured forces best.
 
     cohesion, Pa, and friction_angle, rad, with their standard deviations, also where errors go on
-    from row to row; correlation: of the errors of both. noise: misfit of a row's force as a share
+    from row to row, and infinite where rows don't tell; correlation: of the errors of both. noise: misfit of a row's force as a share
     of it, root of the mean square. soil: the Soil with them. told_apart: False if other pairs of
     the two explain the rows as well, and why says so.
     """
@@ -62,7 +64,8 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     geometries: Site.cut_geometry() at each row, in the order of time and evenly apart. forces: (N,
     3), N, on the bucket in its frame, as Resistance.force; without the machine's own weight. soil:
     density, adhesion, and a first guess of the others; without tool_friction that goes with
-    friction, as two thirds of it. Least squares (Gauss and Newton) of errors that grow with the
+    friction, as two thirds of it, and the sigmas know that it may be from a half of it to all.
+    Least squares (Gauss and Newton) of errors that grow with the
     force. The sigmas are for errors of which a share is new in each row and a share fades over some
     rows, at most a quarter of all; the rows tell how much and how fast. An error that is the same
     in all rows is not in them.
@@ -93,11 +96,12 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
 
     @functools.lru_cache(maxsize=2)  # a step that is taken, and the next trial
     def rows(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
-        """Misfit of each row's force, its derivatives, and the force's size."""
+        """Misfit of each row's force, its derivatives by cohesion, friction and the tie of tool
+        friction to it, and the force's size."""
         now = _with(soil, cohesion, friction)
         felt = [geometry.resistance(now, crescents=crescents) for geometry in geometries]
         model, j = np.array([r.force for r in felt]), np.array([r.jacobian for r in felt])
-        by = np.stack([j[:, :, 1], j[:, :, 2] + ties * j[:, :, 3]], axis=2)
+        by = np.stack([j[:, :, 1], j[:, :, 2] + ties * j[:, :, 3], friction * j[:, :, 3]], axis=2)
         return measured - model, by, np.linalg.norm(model, axis=1)
 
     def weighted(cohesion: float, friction: float) -> tuple[Any, Any, Any, Any]:
@@ -109,7 +113,7 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
         if used.sum() < 4:
             raise ValueError("fewer than 4 rows have soil ahead of the bucket")
         return ((misfit[used] / size[used, None]).ravel(),
-                (by[used] / size[used, None, None]).reshape(-1, 2),
+                (by[used] / size[used, None, None]).reshape(-1, 3),
                 lambda c, f: (rows(c, f)[0][used] / size[used, None]).ravel(),
                 np.flatnonzero(used))
 
@@ -125,7 +129,7 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
         for _ in range(_STEPS):
             misfit, by, elsewhere, _ = weighted(cohesion, friction)
             cost = float(misfit @ misfit)
-            by = by * [scale, 1.0]
+            by = by[:, :2] * [scale, 1.0]
             normal, right = by.T @ by, by.T @ misfit
             moved = False
             for _ in range(12):
@@ -145,11 +149,20 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     assert best is not None
     _, cohesion, friction = best
     misfit, by, _, numbers = weighted(cohesion, friction)
-    by = by * [scale, 1.0]
+    by, by_tie = by[:, :2] * [scale, 1.0], by[:, 2]
     noise = math.sqrt(3 * float(misfit @ misfit) / max(1, len(misfit) - 2))
-    spread = covariance(numbers.astype(float), by.reshape(-1, 3, 2), misfit.reshape(-1, 3))
-    sigmas = np.sqrt(np.diag(spread))
-    correlation = float(spread[0, 1] / max(sigmas[0] * sigmas[1], 1e-300))
+    normal = by.T @ by
+    lengths = np.sqrt(np.diag(normal))
+    alike = float(normal[0, 1] / max(lengths[0] * lengths[1], 1e-300))
+    if 1 - alike**2 > _ALIKE**2:
+        spread = covariance(numbers.astype(float), by.reshape(-1, 3, 2), misfit.reshape(-1, 3))
+        if ties:
+            off = _TIE_SIGMA * np.linalg.solve(normal, by.T @ by_tie)
+            spread = spread + np.outer(off, off)
+        sigmas = np.sqrt(np.diag(spread))
+        correlation = float(spread[0, 1] / max(sigmas[0] * sigmas[1], 1e-300))
+    else:
+        sigmas, correlation = np.array([math.inf, math.inf]), -math.copysign(1.0, alike)
     why = ""
     if abs(correlation) > _APART:
         why = ("cohesion and friction explain these rows in other pairs as well; take rows of "
