@@ -14,6 +14,7 @@
 #include "io/motion/mcap_files.h"
 #include "io/scenario/earthmoving.h"
 #include "io/scenario/newcomer.h"
+#include "io/scenario/receivers.h"
 #include "io/scenario/scans.h"
 #include "io/scenario/yaml_map.h"
 #include "soilvdb/io/mesh_file.h"
@@ -296,6 +297,7 @@ struct Section {
   OnBadRow on_bad_row = OnBadRow::kStop;
   std::filesystem::path chain_file;
   double lip_sigma_m = SiteMachine{}.lip_sigma_m;
+  std::optional<Gnss> gnss;
 };
 
 /// Adds the files of a motion; machines may share one.
@@ -318,6 +320,7 @@ Section read_section(const YamlMap& machine, const std::string& name, Scenario& 
   if (section.chain) section.chain_file = machine.path("urdf");
   if (machine.has("known"))
     section.lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
+  if (machine.has("gnss")) section.gnss = read_gnss(machine);
   return section;
 }
 
@@ -325,6 +328,7 @@ MachineInput input_of(const Section& section) {
   MachineInput input(section.name, section.bucket, section.chain);
   input.chain_file = section.chain_file;
   input.lip_sigma_m = section.lip_sigma_m;
+  input.gnss = section.gnss;
   return input;
 }
 
@@ -332,9 +336,10 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                    Names& names) {
   std::vector<Section> sections;
   if (!scenario.has("machines") && scenario.has("pours")) return sections;
-  for (const YamlMap& machine : scenario.maps("machines", "machine",
-                                              {"name", "bucket", "tool", "motion", "angles",
-                                               "bad_rows", "urdf", "base", "lip", "known"})) {
+  for (const YamlMap& machine :
+       scenario.maps("machines", "machine",
+                     {"name", "bucket", "tool", "motion", "angles", "bad_rows", "urdf", "base",
+                      "lip", "known", "gnss"})) {
     sections.push_back(read_section(machine, names.take(machine, "machine"), result));
     sections.back().angles = read_angle_unit(machine);
     sections.back().on_bad_row = read_on_bad_row(machine);
@@ -368,7 +373,8 @@ MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
 
 MachineInput read_machine(const std::string& text, Scenario& site) {
   std::optional<MachineInput> read;
-  read_newcomer(text, site, "machine", {"name", "bucket", "tool", "urdf", "base", "lip", "known"},
+  read_newcomer(text, site, "machine",
+                {"name", "bucket", "tool", "urdf", "base", "lip", "known", "gnss"},
                 [&](const YamlMap& machine) {
                   const std::string name = machine.name("name");
                   require_new_name(name, site);
@@ -425,6 +431,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     scenario.machines.back().chain = section.chain;
     scenario.machines.back().chain_file = section.chain_file;
     scenario.machines.back().lip_sigma_m = section.lip_sigma_m;
+    scenario.machines.back().gnss = section.gnss;
   }
   read_scan_inputs(map, scenario);
   return scenario;

@@ -212,17 +212,26 @@ std::vector<double> YamlMap::numbers(const std::string& key, std::size_t n) cons
   return numbers(at(key), n, key);
 }
 
-std::vector<Vec2> YamlMap::points(const std::string& key) const {
+std::vector<std::vector<double>> YamlMap::lists(const std::string& key, std::size_t n,
+                                                const char* form) const {
   const YAML::Node list = at(key);
-  if (!list.IsSequence()) {
-    fail(list, fmt::format("{} is {}; it must be a list of points [x, z]", key, describe(list)));
-  }
+  if (!list.IsSequence())
+    fail(list, fmt::format("{} is {}; it must be a list of points {}", key, describe(list), form));
+  std::vector<std::vector<double>> all;
+  for (const auto& point : list) all.push_back(numbers(point, n, "a point of " + key));
+  return all;
+}
+
+std::vector<Vec2> YamlMap::points(const std::string& key) const {
   std::vector<Vec2> points;
-  for (const auto& point : list) {
-    const auto xz = numbers(point, 2, "a point of " + key);
-    points.emplace_back(xz[0], xz[1]);
-  }
+  for (const auto& xz : lists(key, 2, "[x, z]")) points.emplace_back(xz[0], xz[1]);
   return points;
+}
+
+std::vector<Vec3> YamlMap::places(const std::string& key) const {
+  std::vector<Vec3> places;
+  for (const auto& xyz : lists(key, 3, "[x, y, z]")) places.emplace_back(xyz[0], xyz[1], xyz[2]);
+  return places;
 }
 
 YAML::Node YamlMap::node_of(const std::string& key) const {

@@ -50,6 +50,8 @@ class YamlMap {
   std::vector<double> numbers(const std::string& key, std::size_t n) const;
   /// Points [x, z].
   std::vector<Vec2> points(const std::string& key) const;
+  /// Points [x, y, z].
+  std::vector<Vec3> places(const std::string& key) const;
 
   /// "FILE:LINE" of `key`, or of the map if it lacks the key.
   std::string place(const std::string& key) const;
@@ -62,6 +64,8 @@ class YamlMap {
   [[noreturn]] void fail(const YAML::Node& node, const std::string& message) const;
   double number(const YAML::Node& node, const std::string& name) const;
   std::vector<double> numbers(const YAML::Node& node, std::size_t n, const std::string& name) const;
+  std::vector<std::vector<double>> lists(const std::string& key, std::size_t n,
+                                         const char* form) const;
 
   std::filesystem::path file_;
   YAML::Node node_;

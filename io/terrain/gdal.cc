@@ -2,10 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/terrain/gdal.h"
 
-#include <dlfcn.h>
-
-#include <stdexcept>
-
+#include "io/file/shared_library.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -17,27 +14,14 @@ constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIGrid", "GRASSASCIIGri
                                     "ENVI",  "HFA",     "GSAG",   "GSBG",           "GS7BG",
                                     "SAGA",  "SRTMHGT", "DTED",   "USGSDEM"};
 
-/// A function of a library, cast to the requested type.
-template <typename Function>
-Function function(void* library, const std::string& name) {
-  if (void* const found = dlsym(library, name.c_str())) return reinterpret_cast<Function>(found);
-  throw std::runtime_error(std::string("GDAL can't be used: ") + SOILVDB_GDAL_LIBRARY +
-                           " has no function " + name);
-}
-
 GdalFunctions load() {
-  void* const library = dlopen(SOILVDB_GDAL_LIBRARY, RTLD_LAZY | RTLD_LOCAL);
-  if (library == nullptr) {
-    const char* const why = dlerror();
-    throw std::runtime_error(std::string("GDAL can't be loaded, which rasters need: ") +
-                             printable(why != nullptr ? why : SOILVDB_GDAL_LIBRARY));
-  }
+  const SharedLibrary library(SOILVDB_GDAL_LIBRARY, "GDAL", "rasters");
   GdalFunctions gdal;
-#define SOILVDB_GDAL_FUNCTION(name) gdal.name = function<decltype(gdal.name)>(library, #name);
+#define SOILVDB_GDAL_FUNCTION(name) gdal.name = library.function<decltype(gdal.name)>(#name);
   SOILVDB_GDAL_FUNCTIONS(SOILVDB_GDAL_FUNCTION)
 #undef SOILVDB_GDAL_FUNCTION
   for (const char* driver : kDrivers)
-    function<void (*)()>(library, std::string("GDALRegister_") + driver)();
+    library.function<void (*)()>(std::string("GDALRegister_") + driver)();
   return gdal;
 }
 

@@ -17,7 +17,7 @@ list(JOIN includes "" includes)
 file(WRITE ${prefix}/headers.cc "${includes}")
 foreach(header IN LISTS headers)
   file(STRINGS ${prefix}/include/${header} found
-       REGEX "#include .(cairo|yaml-cpp|fmt|gdal|tinyxml2|assimp|nlohmann)")
+       REGEX "#include .(cairo|yaml-cpp|fmt|gdal|proj|tinyxml2|assimp|nlohmann)")
   if(found)
     message(FATAL_ERROR "${header} needs more than core does: ${found}")
   endif()

@@ -25,9 +25,15 @@ Session site() {
                   {"stick", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 2}};
   Earthmoving earthmoving;
   earthmoving.soil.emplace().repose_rad = 0.6;
+  Gnss gnss;
+  gnss.antennas_m = {{0, 1, 2}, {0, -1, 2}};
+  gnss.site_crs = "EPSG:32632";
+  gnss.undulation_m = 40;
   return Session({.voxel_size_m = 0.2,
                   .terrain = io::PlaneTerrain{},
-                  .machines = {{"digger", {1, 1, {}, {}}}, {"arm", {1, 1, {}, {}}, chain}},
+                  .machines = {{"digger", {1, 1, {}, {}}},
+                               {"arm", {1, 1, {}, {}}, chain},
+                               {"dozer", {1, 1, {}, {}}, {}, 0.02, gnss}},
                   .earthmoving = earthmoving});
 }
 

@@ -18,6 +18,31 @@ TEST_F(ScenarioFile, AnglesInDegreesAreRefused) {
             "s.yaml:15: rpy has 34; angles must be in radians, within a turn");
 }
 
+TEST_F(ScenarioFile, ReceiversThatCantBe) {
+  const auto said = [&](const std::string& gnss) {
+    return error(13, "    motion: m.csv\n    gnss: {" + gnss + "}");
+  };
+  EXPECT_EQ(said("crs: EPSG:4979"), "s.yaml:14: key 'antennas' is missing in gnss");
+  EXPECT_EQ(said("antennas: []"),
+            "s.yaml:14: antennas has 0 places; it must have one or two, of the antennas on the "
+            "machine");
+  EXPECT_EQ(said("antennas: 3"),
+            "s.yaml:14: antennas is '3'; it must be a list of points [x, y, z]");
+  EXPECT_EQ(said("antennas: [[0, 1]]"),
+            "s.yaml:14: a point of antennas is a list of 2; it must be a list of 3 numbers");
+  EXPECT_EQ(said("antennas: [[0, 1200, 0]]"),
+            "s.yaml:14: antennas has a place 1200 m from the machine's frame; it must be within "
+            "100 m");
+  EXPECT_EQ(said("antennas: [[0, 0, 3], [0, 0.2, 1]]"),
+            "s.yaml:14: antennas are 0.2 m apart beside each other; for a heading it must be 0.5 m "
+            "or more");
+  EXPECT_EQ(said("antennas: [[0, 0, 3]], geoid: 470"),
+            "s.yaml:14: geoid is 470 m; it must be from -200 to 200 m");
+  EXPECT_EQ(said("antennas: [[0, 0, 3]], geod: 1"),
+            "s.yaml:14: unknown key 'geod' in gnss; did you mean 'geoid'? Its keys are antennas, "
+            "crs, site_crs, geoid");
+}
+
 TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(error(9, "      widht: 1.2"),
             "s.yaml:9: unknown key 'widht' in bucket; did you mean 'width'? Its keys are "
@@ -28,7 +53,7 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
       "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, sensors, scans, output");
   EXPECT_EQ(error(13, "    motoin: m.csv"),
             "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
-            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip, known");
+            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip, known, gnss");
   EXPECT_EQ(
       error(3, "voxel: 0.05"),
       "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
@@ -172,7 +197,7 @@ TEST_F(ScenarioFile, MachinesMustBeAListWithDifferentNames) {
             "s.yaml:4: machines is a map; it must be a list of at least one machine");
   EXPECT_EQ(error_of(head + "machines:\n- digger\n"),
             "s.yaml:5: machine is 'digger'; it must be a map with keys of "
-            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip, known");
+            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip, known, gnss");
   EXPECT_EQ(error_of(head + "machines:\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"),

@@ -14,6 +14,7 @@
 
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
+#include "io/terrain/geodetic.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
 #include "tools/app/commands.h"
@@ -62,6 +63,20 @@ std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>&
              "the terrain", site.crs_wkt, "the design " + file->string(), raster.crs_wkt))
       say("warning: " + difference);
   return make_height_field(raster.grid, raster.source);
+}
+
+/// Refuses receivers whose positions can't be brought into the site, before any comes.
+void check_receivers(const io::Scenario& scenario, const io::Site& site) {
+  for (const io::MachineInput& machine : scenario.machines) {
+    if (!machine.gnss) continue;
+    try {
+      const std::string doubt = io::Geodetic(*machine.gnss, site.crs_wkt, site.bounds).doubt();
+      if (!doubt.empty()) say(fmt::format("warning: machine '{}': {}", machine.name, doubt));
+    } catch (const std::invalid_argument& e) {
+      throw io::InputError(scenario.file,
+                           fmt::format("machine '{}': gnss: {}", machine.name, e.what()));
+    }
+  }
 }
 
 /// A token of the command line, a file or the environment; empty if there is none.
@@ -227,6 +242,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   LiveSite site(Session::open(options.scenario), scenario.name);
   site.set_sensors(scenario.sensors);
   for (const std::string& warning : site.session().site().warnings) say("warning: " + warning);
+  check_receivers(scenario, site.session().site());
   Recording recording = site.session().recording();
   const std::optional<Played> played =
       options.speed && !options.out ? std::optional<Played>(std::in_place) : std::nullopt;

@@ -13,6 +13,7 @@
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/scenario/newcomer.h"
+#include "io/terrain/geodetic.h"
 #include "tools/run/session_state.h"
 
 namespace soilvdb::inline v0 {
@@ -90,8 +91,8 @@ void rename(std::vector<Named>& all, const Json& change, const char* kind,
 }
 
 /// @param change receives the machine's place in the list, when it is made first
-void change_machines(Json& change, SiteModel& model, std::vector<bool>& retired,
-                     io::Scenario& site) {
+void change_machines(Json& change, SiteModel& model, std::vector<bool>& retired, io::Scenario& site,
+                     const io::Site& opened) {
   require_verb(change, {"add", "rename", "retire", "restore"});
   std::vector<SiteMachine>& machines = model.machines;
   if (change.contains("rename")) return rename(machines, change, "machine", site);
@@ -99,12 +100,13 @@ void change_machines(Json& change, SiteModel& model, std::vector<bool>& retired,
     if (machines.size() >= kMostOfSite)
       throw std::invalid_argument(fmt::format("a site has at most {} machines", kMostOfSite));
     const io::MachineInput read = io::read_machine(io::to_text(change["add"]), site);
+    if (read.gnss) io::Geodetic(*read.gnss, opened.crs_wkt, opened.bounds);  // else refused
     // Of a scenario, more machines may have come at the end of the list.
     if (!change.contains("place")) change["place"] = machines.size();
     const auto place =
         static_cast<std::ptrdiff_t>(std::min(change["place"].get<std::size_t>(), machines.size()));
     machines.insert(machines.begin() + place,
-                    {read.name, read.bucket, read.chain, read.lip_sigma_m});
+                    {read.name, read.bucket, read.chain, read.lip_sigma_m, read.gnss});
     retired.insert(retired.begin() + place, false);
     return;
   }
@@ -167,7 +169,7 @@ void Session::State::change_lists(Json change) {
   std::vector<bool> retired = settings.retired;
   retired.resize(next.machines.size());
   if (list == "machines")
-    change_machines(change, next, retired, beside);
+    change_machines(change, next, retired, beside, site);
   else
     change_hoppers(change, next, beside);
   rebuild(std::move(next), progress());

@@ -24,7 +24,8 @@ std::optional<double> time_of(const io::JournalUpdate& update) {
 SiteModel model_of(const io::Scenario& scenario) {
   SiteModel model{{}, {scenario.soil, scenario.pours, scenario.hoppers}};
   for (const io::MachineInput& machine : scenario.machines)
-    model.machines.push_back({machine.name, machine.bucket, machine.chain, machine.lip_sigma_m});
+    model.machines.push_back(
+        {machine.name, machine.bucket, machine.chain, machine.lip_sigma_m, machine.gnss});
   return model;
 }
 

@@ -67,6 +67,12 @@ double line_time(const nlohmann::json& json) {
   return time_s;
 }
 
+Fix line_fix(const nlohmann::json& json) {
+  if (!json.contains("fix")) return Fix::kFixed;
+  if (!json["fix"].is_string()) throw std::invalid_argument("'fix' must be a word");
+  return fix_of(json["fix"].get<std::string>());
+}
+
 Pose line_pose(const nlohmann::json& position, const nlohmann::json& rotation) {
   const auto p = array_of<3>(position, "position");
   const auto q = array_of<4>(rotation, "rotation");

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "soilvdb/types.h"
+#include "tools/serve/machine_feed.h"
 
 namespace soilvdb::tools {
 
@@ -24,6 +25,8 @@ void require_keys(const nlohmann::json& json, const std::vector<std::string>& kn
 double number_of(const nlohmann::json& json, const std::string& what);
 /// A time, s: a number, a date in ISO 8601, or {"gps": [week, seconds]}; these count from 1970.
 double line_time(const nlohmann::json& json);
+/// The quality of a line's position: without "fix" it is fixed.
+Fix line_fix(const nlohmann::json& json);
 Pose line_pose(const nlohmann::json& position, const nlohmann::json& rotation);
 
 template <std::size_t N>

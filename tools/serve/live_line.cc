@@ -13,6 +13,7 @@
 
 #include "io/file/json.h"
 #include "io/file/text.h"
+#include "tools/serve/geodetic_line.h"
 #include "tools/serve/line_values.h"
 #include "tools/serve/live_forces.h"
 #include "tools/serve/live_site.h"
@@ -52,9 +53,9 @@ double host_time_s() {
 }  // namespace
 
 /// @param joints storage for the state's joints
-MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
-  require_keys(json, {"machine", "time", "joints", "base", "position", "rotation", "force",
-                      "sequence", "fix"});
+MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) {
+  require_keys(json, {"machine", "time", "joints", "base", "geodetic", "position", "rotation",
+                      "force", "sequence", "fix"});
   MachineState state;
   state.machine = session_.machine(machine_in(json).get<std::string>());
   if (session_.is_retired(state.machine))
@@ -63,6 +64,14 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
                     session_.machines()[state.machine].name));
   if (json.contains("time") && !json["time"].is_null()) state.time_s = line_time(json["time"]);
   const bool has_pose = json.contains("position") || json.contains("rotation");
+  if (json.contains("geodetic")) {
+    if (has_pose || json.contains("base"))
+      throw std::invalid_argument(
+          "'geodetic' is in place of 'base', or of 'position' and 'rotation'; give one of them");
+    state.pose = parse_geodetic(json, state.machine);
+    if (!session_.machines()[state.machine].chain) return state;
+    state.base = state.pose;
+  }
   if (has_pose == json.contains("joints"))
     throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");
   if (json.contains("base")) {
@@ -70,7 +79,7 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
       throw std::invalid_argument(
           "'base' goes with 'joints'; 'position' and 'rotation' are those of the bucket");
     state.base = base_in(json["base"]);
-  } else if (!has_pose) {
+  } else if (!has_pose && !state.base) {
     state.base = feeds_[state.machine].driven_to;
   }
   if (has_pose) {
@@ -98,6 +107,26 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
   }
   state.joints = joints;
   return state;
+}
+
+Pose LiveSite::parse_geodetic(const Line& json, std::size_t machine) {
+  const SiteMachine& of = session_.machines()[machine];
+  if (!of.gnss)
+    throw std::invalid_argument(fmt::format(
+        "machine '{}' has no 'gnss' in the scenario, the places of its antennas; give it that, or "
+        "leave 'geodetic' out",
+        of.name));
+  if (of.chain && !json.contains("joints"))
+    throw std::invalid_argument("'geodetic' is where the root of the urdf is; give 'joints', too");
+  if (!of.chain && json.contains("joints"))
+    throw std::invalid_argument(
+        fmt::format("machine '{}' has no joints; 'geodetic' is where its bucket is", of.name));
+  auto found = geodetic_.find(machine);
+  if (found == geodetic_.end()) {
+    const io::Site& site = session_.site();
+    found = geodetic_.emplace(machine, io::Geodetic(*of.gnss, site.crs_wkt, site.bounds)).first;
+  }
+  return geodetic_pose(json["geodetic"], *of.gnss, found->second, line_fix(json) == Fix::kFixed);
 }
 
 bool LiveSite::asks_for_force(const Line& json, std::size_t machine) const {

@@ -18,12 +18,6 @@ using Json = nlohmann::ordered_json;
 
 std::string line_of(const Json& json) { return io::to_text(json); }
 
-std::string word_in(const nlohmann::json& json, const char* key) {
-  if (!json[key].is_string())
-    throw std::invalid_argument(std::string("'") + key + "' must be a word");
-  return json[key].get<std::string>();
-}
-
 /// @throw std::invalid_argument
 std::optional<std::uint64_t> sequence_of(const nlohmann::json& json) {
   if (!json.contains("sequence")) return {};
@@ -199,7 +193,7 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
       number = given;
       missed = place.missed;
     }
-    const Fix fix = json.contains("fix") ? fix_of(word_in(json, "fix")) : Fix::kFixed;
+    const Fix fix = line_fix(json);
     const bool digs = fix == Fix::kFixed && (of.dug_before || !session_.in_air(state));
     Json answer = digs ? dig(json, state) : place(state);
     of.dug_before = fix == Fix::kFixed;

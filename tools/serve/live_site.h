@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "io/journal/report.h"
+#include "io/terrain/geodetic.h"
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/session.h"
 #include "tools/run/run_totals.h"
@@ -128,7 +129,9 @@ class LiveSite {
 
  private:
   using Clock = std::chrono::steady_clock;
-  MachineState parse(const nlohmann::json& json, std::vector<double>& joints) const;
+  MachineState parse(const nlohmann::json& json, std::vector<double>& joints);
+  /// What "geodetic" of a line says: the pose of the chain's root, or without one of the bucket.
+  Pose parse_geodetic(const nlohmann::json& json, std::size_t machine);
   /// @throw std::invalid_argument if no force is known of that machine
   /// The answer to a state without "sequence".
   nlohmann::ordered_json dig(const nlohmann::json& json, const MachineState& state);
@@ -153,6 +156,7 @@ class LiveSite {
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   FedStates fed_;
   std::map<std::string, io::SensorInput> sensors_;  ///< by name
+  std::map<std::size_t, io::Geodetic> geodetic_;    ///< by machine, from its first position on
   std::vector<Clock::time_point> moved_;            ///< by machine
   std::vector<MachineFeed> feeds_;                  ///< by machine
   std::vector<std::optional<double>> doubted_s_;    ///< by machine: refused as too far ahead

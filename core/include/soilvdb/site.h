@@ -14,6 +14,7 @@
 
 #include "soilvdb/bucket.h"
 #include "soilvdb/earthmoving.h"
+#include "soilvdb/gnss.h"
 #include "soilvdb/kinematics.h"
 #include "soilvdb/resistance.h"
 #include "soilvdb/survey.h"
@@ -26,6 +27,7 @@ struct SiteMachine {
   Bucket bucket;
   std::optional<Chain> chain = {};  ///< for states with joint values
   double lip_sigma_m = 0.02;        ///< standard deviation of its lip's height as told, for scans
+  std::optional<Gnss> gnss = {};    ///< for feeds with positions by latitude and longitude
 };
 
 /// The part of a site that no update changes. Clones share it.

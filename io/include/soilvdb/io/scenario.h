@@ -61,6 +61,7 @@ struct MachineInput {
   std::optional<Chain> chain;        ///< of a machine that moves by joints
   std::filesystem::path chain_file;  ///< its URDF; empty without
   double lip_sigma_m = SiteMachine{}.lip_sigma_m;
+  std::optional<Gnss> gnss = {};
 
   bool has_motion() const { return motion.rows() > 0; }
 };
