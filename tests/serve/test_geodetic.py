@@ -284,6 +284,12 @@ def test_a_site_whose_positions_cant_be_known_does_not_begin(tmp_path, gnss, why
     refused(site(tmp_path, f"{{antennas: {LEVERS}, {gnss}}}"), tmp_path, why)
 
 
+def test_a_receivers_crs_that_is_hardly_the_sites_is_warned_of(tmp_path):
+    with Server(site(tmp_path, f"{{antennas: {LEVERS}, site_crs: EPSG:25832, geoid: 0}}"), cwd=tmp_path) as server:
+        assert ("warning: machine 'machine': the way from EPSG:4979 to EPSG:25832 is known to 1 m; 'crs' should be "
+                "that of the receiver's corrections\n") in server.stop()
+
+
 def test_a_machine_with_a_receiver_may_come_to_a_running_site(tmp_path):
     path = site(tmp_path)
 
@@ -294,7 +300,7 @@ def test_a_machine_with_a_receiver_may_come_to_a_running_site(tmp_path):
     line = {"machine": "dozer", "geodetic": {"antennas": antennas(place, (0, 0, 1), [[0, 1, 2], [0, -1, 2]])}}
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         status, body = server.get("/machines", method="POST", data=comer("other", geoid=0).encode())
-        assert status == 400 and b"the terrain has no CRS" in body
+        assert status == 400 and b"gnss: the terrain has no CRS" in body
         status, body = server.get("/machines", method="POST",
                                   data=comer("dozer", site_crs="EPSG:32632", geoid=GEOID).encode())
         assert status == 200, body

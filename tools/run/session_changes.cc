@@ -90,6 +90,15 @@ void rename(std::vector<Named>& all, const Json& change, const char* kind,
   all[i].name = to;
 }
 
+/// Can a receiver's positions be brought into the site?
+void require_geodetic(const Gnss& gnss, const io::Site& site) {
+  try {
+    const io::Geodetic geodetic(gnss, site.crs_wkt, site.bounds);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(fmt::format("gnss: {}", e.what()));
+  }
+}
+
 /// @param change receives the machine's place in the list, when it is made first
 void change_machines(Json& change, SiteModel& model, std::vector<bool>& retired, io::Scenario& site,
                      const io::Site& opened) {
@@ -100,7 +109,7 @@ void change_machines(Json& change, SiteModel& model, std::vector<bool>& retired,
     if (machines.size() >= kMostOfSite)
       throw std::invalid_argument(fmt::format("a site has at most {} machines", kMostOfSite));
     const io::MachineInput read = io::read_machine(io::to_text(change["add"]), site);
-    if (read.gnss) io::Geodetic(*read.gnss, opened.crs_wkt, opened.bounds);  // else refused
+    if (read.gnss) require_geodetic(*read.gnss, opened);
     // Of a scenario, more machines may have come at the end of the list.
     if (!change.contains("place")) change["place"] = machines.size();
     const auto place =
