@@ -42,10 +42,10 @@ async function turning(page) {
 /** Slowest of many heights, one after another, ms. */
 async function slowest(url) {
   let most = 0;
-  for (let n = 0; n < kHeights; ++n) {
+  for (let n = -1; n < kHeights; ++n) {   // the first opens connections
     const from = performance.now();
     await (await fetch(`${url}height?x=${500000 + n}&y=5400010`)).json();
-    most = Math.max(most, performance.now() - from);
+    if (n >= 0) most = Math.max(most, performance.now() - from);
   }
   return most;
 }

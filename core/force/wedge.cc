@@ -155,7 +155,9 @@ class TrialWedge {
     const double deep = std::max(0.0, ground(slice_, face_.toe_x));
     const double cover = std::max(0.0, ground(slice_, face_.toe_x + face_.end_x) - face_.end_z);
     const double third = deep > 0 ? (deep + 2 * cover) / (3 * (deep + cover)) : 1.0 / 3;
-    force.arm = p > 0 ? (weight * third + (p - weight) / 2) / p * face_.length : 0;
+    // Where adhesion takes off nearly all of P, the parts may act in opposite ways.
+    const double share = p > 0 ? (weight * third + (p - weight) / 2) / p : third;
+    force.arm = std::clamp(share, 0.0, 1.0) * face_.length;
     force.open = at.last;
     return force;
   }

@@ -10,8 +10,13 @@ namespace {
 /// Sine of the smallest angle between the line through the antennas and what points up.
 constexpr double kLeastSine = 0.1;
 
+/// Antennas at one place tell no direction, m.
+constexpr double kLeastLine_m = 0.1;
+
 /// Axes along a line, and as close to `up` as can be.
 Eigen::Matrix3d axes_along(const Vec3& line, const Vec3& up) {
+  if (!(line.norm() >= kLeastLine_m))
+    throw std::invalid_argument("the antennas are at one place, and tell no heading");
   const Vec3 along = line.normalized();
   const Vec3 across = up - along.dot(up) * along;
   if (!(across.norm() >= kLeastSine))

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -11,6 +13,8 @@ namespace {
 
 /// Farthest from the frame that they are mounted in, and largest height of a geoid.
 constexpr double kMostLever_m = 100, kMostUndulation_m = 200;
+/// Least part of the antennas' distance that is beside each other, not above.
+constexpr double kLeastLevelShare = 0.2;
 
 }  // namespace
 
@@ -27,11 +31,13 @@ Gnss read_gnss(const YamlMap& machine) {
                                        "must be within {} m",
                                        place.norm(), kMostLever_m));
   if (gnss.antennas_m.size() == 2) {
-    const double apart_m = (gnss.antennas_m[1] - gnss.antennas_m[0]).head<2>().norm();
-    if (apart_m < kLeastBaseline_m)
+    const Vec3 line = gnss.antennas_m[1] - gnss.antennas_m[0];
+    const double apart_m = line.head<2>().norm();
+    const double least_m = std::max(kLeastBaseline_m, kLeastLevelShare * line.norm());
+    if (apart_m < least_m)
       map.fail("antennas", fmt::format("antennas are {:.4g} m apart beside each other; for a "
-                                       "heading it must be {} m or more",
-                                       apart_m, kLeastBaseline_m));
+                                       "heading it must be {:.4g} m or more",
+                                       apart_m, least_m));
   }
   if (map.has("crs")) gnss.crs = map.text("crs");
   if (map.has("site_crs")) gnss.site_crs = map.text("site_crs");

@@ -69,7 +69,7 @@ const ProjFunctions& proj() {
   return functions;
 }
 
-constexpr double kMostHeight_m = 1e4, kDegree = std::numbers::pi / 180;
+constexpr double kMostHeight_m = 1e4, kMostUndulation_m = 200, kDegree = std::numbers::pi / 180;
 /// What receivers with corrections measure better than.
 constexpr double kDoubtful_m = 0.1;
 constexpr double kAround_degrees = 1e-3;  ///< half an area of interest
@@ -145,6 +145,7 @@ class ProjMaker {
     const OwnProj<PJ> base = base_of(crs);
     return proj().proj_get_type(base ? base.get() : crs);
   }
+  bool is_bound(const PJ* crs) const { return base_of(crs) != nullptr; }
   /// To x east and y north, of longitude and latitude.
   OwnProj<PJ> normal(const OwnProj<PJ>& way) const {
     return OwnProj<PJ>(way ? proj().proj_normalize_for_visualization(context_, way.get())
@@ -270,8 +271,8 @@ SiteCrs site_crs_of(const ProjMaker& make, const Gnss& gnss, const std::string& 
   return site;
 }
 
-/// A site's map with heights above the ellipsoid, from which a stated geoid is taken. Null if the
-/// site's CRS has heights itself.
+/// A site's map whose heights are left as they are, so that a stated geoid counts from the
+/// receiver's own ellipsoid. Null if the heights are those of the site's CRS.
 OwnProj<PJ> target_crs(const ProjMaker& make, const Gnss& gnss, const SiteCrs& site) {
   const bool has_geoid = gnss.undulation_m || !gnss.geoid.empty();
   const bool above_ellipsoid = make.count_axes(site.horizontal()) == 3;
@@ -299,8 +300,8 @@ void DestroyProj::operator()(PJ_OBJ_LIST* list) const { proj().proj_list_destroy
 struct Geodetic::Way {
   OwnProj<PJ_CONTEXT> context;
   OwnProj<PJ> to_site = nullptr;  ///< of longitude, latitude and height
-  OwnProj<PJ> geoid = nullptr;    ///< null: `undulation_m` everywhere
-  double undulation_m = 0;
+  OwnProj<PJ> geoid = nullptr;    ///< of heights, if one was stated; null: `undulation_m`
+  std::optional<double> undulation_m = {};
   double year = year_now();  ///< for transformations that depend on it
   std::string doubt = {};
 };
@@ -316,7 +317,7 @@ Geodetic::Geodetic(const Gnss& gnss, const std::string& site_wkt, const Eigen::A
   const SiteCrs site = site_crs_of(make, gnss, site_wkt);
   const OwnProj<PJ> target = target_crs(make, gnss, site);
   if (!gnss.geoid.empty()) way_->geoid = make.geoid(gnss.geoid);
-  way_->undulation_m = gnss.undulation_m.value_or(0);
+  way_->undulation_m = gnss.undulation_m;
 
   const bool is_known = !bounds.isEmpty() && bounds.sizes().allFinite();
   const std::optional<Vec2> where =
@@ -337,6 +338,15 @@ Geodetic::Geodetic(const Gnss& gnss, const std::string& site_wkt, const Eigen::A
     way_->doubt = fmt::format(
         "the way {} is known to {} m; 'crs' should be that of the receiver's corrections", from_to,
         accuracy_m);
+  else if (accuracy_m < 0 && make.is_bound(site.horizontal()))
+    way_->doubt = fmt::format(
+        "how well the way {} is known, PROJ can't say: the terrain's CRS has a transformation of "
+        "its "
+        "own",
+        from_to);
+  if (target && site.vertical)
+    way_->doubt += fmt::format("{}heights are by 'geoid', not by the vertical part of {}",
+                               way_->doubt.empty() ? "" : "; ", site.name);
   if (where) in_site({where->y(), where->x(), 0});  // is it within the grids?
 }
 
@@ -366,7 +376,14 @@ Vec3 Geodetic::in_site(const GeodeticPlace& place) const {
                             longitude, printable(why != nullptr ? why : "the result is infinite")));
   };
   Vec3 found = transformed(way_->to_site.get(), 1, place.height_m);
-  found.z() -= way_->geoid ? transformed(way_->geoid.get(), kDegree, 0).z() : way_->undulation_m;
+  if (way_->geoid) {
+    const double geoid_m = transformed(way_->geoid.get(), kDegree, 0).z();
+    require(std::abs(geoid_m) <= kMostUndulation_m, "geoid", geoid_m,
+            "a grid of heights of a geoid, within 200 m");
+    found.z() = place.height_m - geoid_m;
+  } else if (way_->undulation_m) {
+    found.z() = place.height_m - *way_->undulation_m;
+  }
   return found;
 }
 

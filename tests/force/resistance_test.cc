@@ -344,6 +344,9 @@ TEST(Resistance, OfBluntEdgesIsByTheirWay) {
   const double pressure = 10e3 * 30.140 + 18e3 * (0.15 * 18.401 + 0.03 * 22.402 / 2);
   EXPECT_NEAR(edges.force.x(), -pressure * 2 * 0.03 * 0.3, 5);
   EXPECT_NEAR(edges.moment.y(), 0.15 * edges.force.x(), 1e-6 * pressure);
+  const CutGeometry swung(dig.heights, *dig.ground, plates, {Vec3::Zero(), from_rpy(0, 0, 0)},
+                          Vec3(0.5, 0.6, 0.3), 0);
+  EXPECT_LT((swung.resistance(kLoam, false).edge.force - edges.force).norm(), 1e-9 * pressure);
 }
 
 /// Side plates that reach above the ground keep soil beside them out.
@@ -410,6 +413,31 @@ TEST(Resistance, PressesOnAFloorThatDescendsBackwards) {
   const double length = std::hypot(0.5, 0.1);
   const double pressure = 10e3 * 30.140 + 18e3 * (0.35 * 18.401 + length * 22.402 / 2);
   EXPECT_NEAR(pressed, pressure * 1.2 * length, 0.02 * pressure * 1.2 * length);
+  // One that is narrower than long is as wide as the bucket.
+  Bucket narrow = low;
+  narrow.width_m = 0.3;
+  Dig slot(0.05, make_plane(0, {0, 0}), narrow);
+  for (const double x : {-1., 0.}) slot.to({x, 0, -0.3}, from_rpy(0, 0, 0));
+  const double of_width = 10e3 * 30.140 + 18e3 * (0.35 * 18.401 + 0.3 * 22.402 / 2);
+  EXPECT_NEAR(-slot.resistance().heel.force.dot(out), of_width * 0.3 * length,
+              0.02 * of_width * 0.3 * length);
+  // Nearly straight into the floor little rubs.
+  for (const double aside : {0.05, 0.1}) {
+    const CutGeometry into(slot.heights, *slot.ground, narrow,
+                           {Vec3(0, 0, -0.3), from_rpy(0, 0, 0)}, out + aside * along, 0);
+    const Vec3 force = into.resistance(kLoam).heel.force;
+    const double share = aside / std::hypot(1, aside) / 0.17;
+    EXPECT_NEAR(-force.dot(along), -share * std::tan(kLoam.tool_friction_rad) * force.dot(out),
+                1e-6 * force.norm());
+    EXPECT_LT(force.dot(out), 0);
+    // Derivatives by the tool's friction.
+    SoilStrength more = kLoam, less = kLoam;
+    more.tool_friction_rad += 1e-5;
+    less.tool_friction_rad -= 1e-5;
+    const Vec3 by =
+        (into.resistance(more).total().force - into.resistance(less).total().force) / 2e-5;
+    EXPECT_LT((into.resistance(kLoam).by_strength.col(3) - by).norm(), 1e-6 * force.norm());
+  }
   Dig whole(0.05, make_plane(0, {0, 0}), low);  // not dug
   const CutGeometry cut(whole.heights, *whole.ground, low, {Vec3(0, 0, -0.3), from_rpy(0, 0, 0)},
                         Vec3::UnitX(), 0);

@@ -167,6 +167,22 @@ TEST(Geodetic, AGeoidMayBeAFileAndHoldsWhereItIs) {
   EXPECT_THROW(Geodetic(gnss, "", around(elsewhere)), std::invalid_argument) << "at the start";
 }
 
+/// The old observatory of Bern is 2600000, 1200000 in LV95, whose ellipsoid lies tens of metres
+/// from that of the receiver. What was stated of the geoid counts from the latter.
+TEST(Geodetic, AStatedGeoidCountsFromTheReceiversEllipsoid) {
+  const double latitude = 46 + (57 + 8.66 / 60) / 60., longitude = 7 + (26 + 22.50 / 60) / 60.;
+  Gnss gnss = gnss_of("EPSG:2056", 49.6);
+  gnss.crs = "EPSG:4937";
+  const Vec3 at = Geodetic(gnss, "", kAnywhere).in_site({latitude, longitude, 500});
+  EXPECT_EQ(at.z(), 500 - 49.6);
+  // These degrees are CH1903's; ETRS89's differ by some hundred metres.
+  EXPECT_LT((at.head<2>() - Vec2(2600000, 1200000)).norm(), 400);
+  gnss.undulation_m.reset();
+  gnss.geoid = "egm96_15.gtx";
+  const double z = Geodetic(gnss, "", kAnywhere).in_site({latitude, longitude, 500}).z();
+  EXPECT_NEAR(z, 500 - 48.8, 1.5);
+}
+
 TEST(Geodetic, AWayThatIsKnownBadlyIsDoubted) {
   EXPECT_EQ(Geodetic(gnss_of("EPSG:32632"), "", kAnywhere).doubt(), "");
   EXPECT_EQ(Geodetic(gnss_of("EPSG:25832"), "", kAnywhere).doubt(),
@@ -358,6 +374,15 @@ TEST(Geodetic, PlacesThatCantBeAreRefused) {
   EXPECT_EQ(said({48, 9, 0}), "nothing thrown");
   EXPECT_EQ(said({0, 99, 0}),
             "PROJ can't transform latitude 0, longitude 99: Point outside of projection domain");
+}
+
+TEST(Geodetic, AGridOfOtherThingsIsNoGeoid) {
+  const test::TempFolder folder;
+  Gnss gnss = gnss_of("EPSG:32632", std::nullopt);
+  gnss.geoid =
+      folder.write("ground.gtx", gtx(47, 8, 0.25, 9, 9, [](double, double) { return 430.; }))
+          .string();
+  EXPECT_THROW(Geodetic(gnss, "", kAnywhere).in_site({48, 9, 500}), std::invalid_argument);
 }
 
 TEST(Geodetic, ALineThatIsUprightTellsNoHeading) {

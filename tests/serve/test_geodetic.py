@@ -3,6 +3,7 @@
 """Machines placed by the latitudes, longitudes and heights of their antennas."""
 import json
 import math
+import struct
 import subprocess
 
 import numpy as np
@@ -229,7 +230,11 @@ def changed(antenna, **keys):
     ({"geodetic": {**GOOD, "rotation": [0, 0, 0, 1]}},
      "'geodetic': two antennas tell the rotation; 'roll' and 'pitch' may go with them"),
     ({"geodetic": {**GOOD, "roll": 12.5}},
-     "'geodetic': 'roll' is 12.5; it must be in radians, less than a quarter turn"),
+     "'geodetic': 'roll' is 12.5; it must be in radians, within 0.8"),
+    ({"geodetic": {**GOOD, "roll": 0.3}},
+     "'geodetic': the line through the antennas rises by 0.000, and by -0.296 with 'roll' and 'pitch'; these must agree"),
+    ({"geodetic": {"antennas": [GOOD["antennas"][0]] * 2}, "fix": "single"},
+     "'geodetic': the antennas are at one place, and tell no heading"),
     ({"geodetic": {**GOOD, "pitch": "0"}}, "'geodetic': 'pitch' must be a number"),
     ({"geodetic": {"antennas": [1, 2]}}, "'geodetic': an antenna must be an object with 'lat', 'lon' and 'height'"),
     (changed(0, alt=3), "'geodetic': unknown key 'alt'; there are 'lat', 'lon' and 'height'"),
@@ -311,6 +316,26 @@ def test_a_machine_with_a_receiver_may_come_to_a_running_site(tmp_path):
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         assert machines(server)["dozer"]["state"] == state
         assert server.feed([line])[0]["cut_m3"] == 0
+
+
+def test_a_recording_needs_no_grids(tmp_path):
+    grid = tmp_path / "local.gtx"
+    grid.write_bytes(struct.pack(">4d2i", 47, 8, 1, 1, 3, 8) + struct.pack(">24f", *[GEOID] * 24))
+    add = {"name": "dozer", "bucket": {"width": 2.0, "height": 1.0},
+           "gnss": {"antennas": [[0, 1, 2], [0, -1, 2]], "site_crs": "EPSG:32632", "geoid": "local.gtx"}}
+    place = [SITE[0] + 30, SITE[1], 1.5]
+    line = {"machine": "dozer", "geodetic": {"antennas": antennas(place, (0, 0, 1), [[0, 1, 2], [0, -1, 2]])}}
+    with Server(site(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        status, body = server.get("/machines", method="POST", data=json.dumps({"add": add}).encode())
+        assert status == 200, body
+        assert "error" not in server.feed([line])[0]
+        state = machines(server)["dozer"]["state"]
+        assert state["position"] == pytest.approx(place, abs=1e-4)
+        server.stop()
+    grid.unlink()
+    with Server(site(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        assert machines(server)["dozer"]["state"] == state
+        assert "local.gtx" in server.feed([line])[0]["error"]
 
 
 def test_a_machine_without_a_receiver_has_no_antennas(tmp_path):

@@ -125,11 +125,13 @@ TEST(HeightMap, OnePlaceIsAsAmongMany) {
     Tracker tracker(ground, {digger()});
     for (const Pose& pose : random_way(random)) tracker.update(0, pose);
     const double deep = 13;  // more chunks than are looked at below the terrain
-    for (const double z : {2.0, -deep, 2.0})
-      tracker.update(0, {Vec3(0.5, 0.5, z), Eigen::Quaterniond::Identity()});
+    for (const Vec3& place : {Vec3(0.5, 0.5, 2), Vec3(0.5, 0.5, -deep), Vec3(0.6, 0.5, -deep),
+                              Vec3(0.5, 0.5, -deep), Vec3(0.5, 0.5, 2)})
+      tracker.update(0, {place, Eigen::Quaterniond::Identity()});
     std::vector<Vec2> near, far;
     std::uniform_real_distribution<double> place(-3, 3);
     for (int i = 0; i < 200; ++i) near.emplace_back(place(random), place(random));
+    for (double x = 0; x < 1.5; x += 0.05) near.emplace_back(x, 0.5);
     far = near;
     far.emplace_back(4000, -3000);  // too far apart to be read at once
     std::vector<double> a(near.size()), b(far.size());
@@ -144,6 +146,36 @@ TEST(HeightMap, OnePlaceIsAsAmongMany) {
     }
     const double beyond = terrain->height(4000, -3000).value_or(HeightReader::kNoGround);
     EXPECT_TRUE(std::isnan(beyond) ? std::isnan(b.back()) : std::abs(b.back() - beyond) < 1e-9);
+  }
+}
+
+TEST(HeightMap, LinesEndWithTheTerrain) {
+  const HeightGrid posts{41, 41, {-2.02, -2.02}, {0.1, 0.1}};
+  Ground ground(0.1, Vec3(0, 0, 0), raster(posts, [](double x, double y) { return x + 2 * y; }));
+  Tracker tracker(ground, {digger()});
+  for (const double z : {5.0, 1.0, 5.0})
+    tracker.update(0, {Vec3(0.9, 0.9, z), Eigen::Quaterniond::Identity()});
+  HeightMap heights(ground);
+  for (const Vec2& along : {Vec2(0.03, 0), Vec2(0.02, 0.02), Vec2(0, -0.03)}) {
+    std::vector<double> lines(2 * 200), alone(1);
+    const Vec2 first = -100 * along, across(0.05, -0.3);
+    heights.lines(first, along, 200, across, 2, lines);
+    std::size_t ends = 0;
+    for (int k = 0; k < 2; ++k) {
+      for (int i = 0; i < 200; ++i) {
+        const Vec2 at = first + i * along + k * across;
+        heights.at({&at, 1}, alone);
+        const double z = lines[static_cast<std::size_t>(200 * k + i)];
+        const bool inside = (at - posts.first).minCoeff() > 0.15 && (at.array() < 1.85).all();
+        // Near the end fewer columns tell the height.
+        if (inside) EXPECT_NEAR(z, alone[0], 0.03) << at.transpose();
+        // The last column with ground is the nearest.
+        const bool last = at.maxCoeff() > 1.91 && at.maxCoeff() < 1.94 && at.minCoeff() > -1.8;
+        if (last) EXPECT_FALSE(std::isnan(z)) << at.transpose();
+        ends += last;
+      }
+    }
+    EXPECT_GT(ends, 0u);
   }
 }
 

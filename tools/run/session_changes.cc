@@ -109,7 +109,8 @@ void change_machines(Json& change, SiteModel& model, std::vector<bool>& retired,
     if (machines.size() >= kMostOfSite)
       throw std::invalid_argument(fmt::format("a site has at most {} machines", kMostOfSite));
     const io::MachineInput read = io::read_machine(io::to_text(change["add"]), site);
-    if (read.gnss) require_geodetic(*read.gnss, opened);
+    // A recording has poses: whoever opens it needs no grids.
+    if (read.gnss && !change.contains("place")) require_geodetic(*read.gnss, opened);
     // Of a scenario, more machines may have come at the end of the list.
     if (!change.contains("place")) change["place"] = machines.size();
     const auto place =

@@ -18,6 +18,10 @@ namespace {
 /// of two fixed positions, and of how well the lever arms are known.
 constexpr double kBaselineTolerance_m = 0.1;
 
+/// Tilt that no machine works at, and largest difference of sines between the line through the
+/// antennas and an inclinometer: some degrees.
+constexpr double kMostTilt_rad = 0.8, kTiltTolerance = 0.1;
+
 Vec3 antenna_place(const nlohmann::json& json, const io::Geodetic& geodetic) {
   if (!json.is_object())
     throw std::invalid_argument("an antenna must be an object with 'lat', 'lon' and 'height'");
@@ -33,9 +37,9 @@ Vec3 antenna_place(const nlohmann::json& json, const io::Geodetic& geodetic) {
 Vec3 up_of(const nlohmann::json& json) {
   const auto angle = [&](const char* key) {
     const double rad = json.contains(key) ? number_of(json[key], fmt::format("'{}'", key)) : 0;
-    if (!(std::abs(rad) < EIGEN_PI / 2))
+    if (!(std::abs(rad) <= kMostTilt_rad))
       throw std::invalid_argument(
-          fmt::format("'{}' is {}; it must be in radians, less than a quarter turn", key, rad));
+          fmt::format("'{}' is {}; it must be in radians, within {}", key, rad, kMostTilt_rad));
     return rad;
   };
   return from_rpy(angle("roll"), angle("pitch"), 0).conjugate() * Vec3::UnitZ();
@@ -72,8 +76,19 @@ Pose pose_in(const nlohmann::json& json, const Gnss& gnss, const io::Geodetic& g
     pose.position = places_m[0] - pose.rotation * gnss.antennas_m[0];
     return pose;
   }
+  const Vec3 up = up_of(json);
+  const Pose pose = pose_of_antennas(gnss.antennas_m, places_m, up);
   if (is_fixed) require_baseline(gnss.antennas_m, places_m);
-  return pose_of_antennas(gnss.antennas_m, places_m, up_of(json));
+  if (is_fixed && has_tilt) {
+    const double mounted = (gnss.antennas_m[1] - gnss.antennas_m[0]).normalized().dot(up);
+    const double measured = (places_m[1] - places_m[0]).normalized().z();
+    if (!(std::abs(mounted - measured) <= kTiltTolerance))
+      throw std::invalid_argument(fmt::format(
+          "the line through the antennas rises by {:.3f}, and by {:.3f} with 'roll' and 'pitch'; "
+          "these must agree to {}: radians, the antennas' order?",
+          measured, mounted, kTiltTolerance));
+  }
+  return pose;
 }
 
 }  // namespace

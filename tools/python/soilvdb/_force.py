@@ -36,7 +36,8 @@ class Identified:
     """The soil that explains measured forces best.
 
     cohesion, Pa, and friction_angle, rad, with their standard deviations, also where errors go on
-    from row to row, and infinite where rows don't tell; correlation: of the errors of both. noise: misfit of a row's force as a share
+    from row to row, and infinite where rows don't tell; correlation: of the errors of
+    both that the rows have. noise: misfit of a row's force as a share
     of it, root of the mean square. soil: the Soil with them. told_apart: False if other pairs of
     the two explain the rows as well, and why says so.
     """
@@ -156,11 +157,10 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     alike = float(normal[0, 1] / max(lengths[0] * lengths[1], 1e-300))
     if 1 - alike**2 > _ALIKE**2:
         spread = covariance(numbers.astype(float), by.reshape(-1, 3, 2), misfit.reshape(-1, 3))
-        if ties:
-            off = _TIE_SIGMA * np.linalg.solve(normal, by.T @ by_tie)
-            spread = spread + np.outer(off, off)
-        sigmas = np.sqrt(np.diag(spread))
-        correlation = float(spread[0, 1] / max(sigmas[0] * sigmas[1], 1e-300))
+        alone = np.sqrt(np.diag(spread))
+        correlation = float(spread[0, 1] / max(alone[0] * alone[1], 1e-300))
+        off = ties and _TIE_SIGMA * np.linalg.solve(normal, by.T @ by_tie)
+        sigmas = np.hypot(alone, off)
     else:
         sigmas, correlation = np.array([math.inf, math.inf]), -math.copysign(1.0, alike)
     why = ""
