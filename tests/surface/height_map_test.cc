@@ -168,10 +168,14 @@ TEST(HeightMap, LinesEndWithTheTerrain) {
         const double z = lines[static_cast<std::size_t>(200 * k + i)];
         const bool inside = (at - posts.first).minCoeff() > 0.15 && (at.array() < 1.85).all();
         // Near the end fewer columns tell the height.
-        if (inside) EXPECT_NEAR(z, alone[0], 0.03) << at.transpose();
+        if (inside) {
+          EXPECT_NEAR(z, alone[0], 0.03) << at.transpose();
+        }
         // The last column with ground is the nearest.
         const bool last = at.maxCoeff() > 1.91 && at.maxCoeff() < 1.94 && at.minCoeff() > -1.8;
-        if (last) EXPECT_FALSE(std::isnan(z)) << at.transpose();
+        if (last) {
+          EXPECT_FALSE(std::isnan(z)) << at.transpose();
+        }
         ends += last;
       }
     }
