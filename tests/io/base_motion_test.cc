@@ -45,7 +45,7 @@ std::vector<Row> rows(int count, std::uint64_t seed = 1) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> any(-1, 1);
   std::vector<Row> all;
-  Row at{1'700'000'000, 0, 2, {500000, 5400000, 400}, {}};
+  Row at{1'700'000'000, 0, 2, {500000, 5400000, 400}, Vec3::Zero()};
   for (int i = 0; i < count; ++i) {
     at.time_s = 1'700'000'000 + 0.01 * i;
     at.boom = 0.9 * std::sin(0.02 * i);
