@@ -429,19 +429,15 @@ class SurveyState::SeenColumns {
     own_ = columns_.size();
   }
 
-  /// Adds up what the columns say of the common errors.
-  void sum_up() { sum_blocks(sum_columns()); }
-  /// The same, and the errors of the columns' volumes.
-  void sum_up_with_volumes() {
-    const std::set<Block> changed = sum_columns();
-    add_volumes();
-    sum_blocks(changed);
-  }
+  /// What the columns say of the common errors; also what these do to their corrections; also the
+  /// errors of their volumes.
+  enum class Sums { kErrors, kCorrections, kVolumes };
+  void sum_up(Sums what) { sum_blocks(sum_columns(what)); }
 
   /// Finds the common errors, and the columns that are off by more than these explain.
   void find_others() {
     for (std::size_t n = 0; n < own_; ++n) tell(columns_[n], columns_[n].is_surveyed());
-    sum_up();
+    sum_up(Sums::kErrors);
     state_.errors = state_.estimate();
     look_beside();
     for (int round = 0; round < kGateRounds; ++round) {
@@ -453,7 +449,7 @@ class SurveyState::SeenColumns {
       }
       for (std::size_t t = 0; t < own_tiles_; ++t)
         for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) judge(tiles_[t], n, off);
-      sum_up();
+      sum_up(round + 1 < kGateRounds ? Sums::kErrors : Sums::kCorrections);
       state_.errors = state_.estimate();
     }
   }
@@ -504,7 +500,7 @@ class SurveyState::SeenColumns {
   }
 
   /// @return the blocks of which tiles' parts changed
-  std::set<Block> sum_columns() {
+  std::set<Block> sum_columns(Sums what) {
     std::set<Block> changed;
     for (std::size_t t = 0; t < own_tiles_; ++t) {
       std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
@@ -522,22 +518,16 @@ class SurveyState::SeenColumns {
           if (c.lip >= 0) part.sees[c.lip] -= c.residual.weight;
         }
         ++part.columns;
+        if (what == Sums::kErrors) continue;
         state_.correct(c.column(), c.residual, sees(n), correction_);
         part.on += correction_.on;
+        if (what == Sums::kVolumes && (c.is_corrected || !is_datum(c.column())))
+          state_.add_volume(part, c.column(), c.residual, correction_, square(state_.voxel_m()),
+                            c.is_corrected);
       }
       for (const auto& [block, part] : parts) changed.insert(block);
     }
     return changed;
-  }
-
-  void add_volumes() {
-    for (std::size_t n = 0; n < own_; ++n) {
-      const Column& c = columns_[n];
-      if (!c.is_corrected && is_datum(c.column())) continue;
-      state_.correct(c.column(), c.residual, sees(n), correction_);
-      state_.add_volume(c.tile->parts.at(state_.block_of(*c.tile, c.i)), c.column(), c.residual,
-                        correction_, square(state_.voxel_m()), c.is_corrected);
-    }
   }
 
   void sum_blocks(const std::set<Block>& changed) {
@@ -648,7 +638,7 @@ std::vector<SurveyChange> SurveyState::solve() {
   Tiles others;
   std::set_difference(unsummed.begin(), unsummed.end(), now.begin(), now.end(),
                       std::inserter(others, others.end()));
-  SeenColumns(*this, others).sum_up_with_volumes();
+  SeenColumns(*this, others).sum_up(SeenColumns::Sums::kVolumes);
   std::optional<SeenColumns> seen(std::in_place, *this, now);
   seen->find_others();
   const std::size_t count = now.size();
@@ -658,7 +648,7 @@ std::vector<SurveyChange> SurveyState::solve() {
     seen->find_others();
   }
   std::vector<SurveyChange> made = seen->corrections();
-  seen->sum_up_with_volumes();
+  seen->sum_up(SeenColumns::Sums::kVolumes);
   unsummed.clear();
   for (const SurveyChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
   std::set<Block> seen_blocks;

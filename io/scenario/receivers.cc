@@ -7,12 +7,13 @@
 #include <algorithm>
 
 #include "io/file/text.h"
+#include "io/terrain/geodetic.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// Farthest from the frame that they are mounted in, and largest height of a geoid.
-constexpr double kMostLever_m = 100, kMostUndulation_m = 200;
+/// Farthest from the frame that they are mounted in.
+constexpr double kMostLever_m = 100;
 /// Least part of the antennas' distance that is beside each other, not above.
 constexpr double kLeastLevelShare = 0.2;
 

@@ -69,7 +69,7 @@ const ProjFunctions& proj() {
   return functions;
 }
 
-constexpr double kMostHeight_m = 1e4, kMostUndulation_m = 200, kDegree = std::numbers::pi / 180;
+constexpr double kMostHeight_m = 1e4, kDegree = std::numbers::pi / 180;
 /// What receivers with corrections measure better than.
 constexpr double kDoubtful_m = 0.1;
 constexpr double kAround_degrees = 1e-3;  ///< half an area of interest
@@ -340,9 +340,8 @@ Geodetic::Geodetic(const Gnss& gnss, const std::string& site_wkt, const Eigen::A
         accuracy_m);
   else if (accuracy_m < 0 && make.is_bound(site.horizontal()))
     way_->doubt = fmt::format(
-        "how well the way {} is known, PROJ can't say: the terrain's CRS has a transformation of "
-        "its "
-        "own",
+        "how well the way {} is known, PROJ can't say: the terrain's CRS has its own "
+        "transformation",
         from_to);
   if (target && site.vertical)
     way_->doubt += fmt::format("{}heights are by 'geoid', not by the vertical part of {}",

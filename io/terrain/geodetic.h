@@ -10,6 +10,9 @@
 
 namespace soilvdb::inline v0::io {
 
+/// Largest distance of a geoid from its ellipsoid, m; on Earth it is half of that.
+inline constexpr double kMostUndulation_m = 200;
+
 /// A place by a receiver.
 struct GeodeticPlace {
   double latitude = 0, longitude = 0;  ///< degrees

@@ -92,7 +92,7 @@ def test_what_is_written(tmp_path, uncertainty):
 def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path, uncertainty):
     scenario = write_pass(tmp_path, rows=200)
     (tmp_path / "noise.yaml").write_text(NOISE + "terrain: {white: 0.01, cell: 0.5}\n")
-    options = ("--draws", 40, "--seed", 7)
+    options = ("--draws", 20, "--seed", 7)
     uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "one", *options)
     with Processes(tmp_path, hosts=(1, 1)) as cluster:
         process = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise",
@@ -105,7 +105,7 @@ def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path, uncertainty)
                        or parts.is_dir() and len(list(parts.iterdir())) > want)
             cluster.workers[0].kill()
         assert process.wait(timeout=300) == 0
-    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "other", "--draws", 40, "--seed", 8)
+    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "other", "--draws", 20, "--seed", 8)
     for name in ("uncertainty.json", "draws.csv", "height_sigma.tif", "load.png"):
         one, two, other = ((tmp_path / out / name).read_bytes() for out in ("one", "two", "other"))
         assert one == two, name
@@ -125,9 +125,9 @@ def test_sigmas_of_nothing_leave_what_was_recorded(tmp_path, uncertainty):
 
 
 def test_a_study_that_was_killed_goes_on(tmp_path, uncertainty, shared):
-    scenario = write_pass(tmp_path, rows=2000)
+    scenario = write_pass(tmp_path, rows=2000 if LONG else 1000)
     (tmp_path / "noise.yaml").write_text("position: {bias: 0.01, white: 0.001}\n")
-    options = ("--draws", 100 if LONG else 40)
+    options = ("--draws", 100 if LONG else 30)
     uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "whole", *options)
     parts = tmp_path / "out/draws.part"
     command = [*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml", "--out",
@@ -153,7 +153,8 @@ def test_sobol_indices_are_the_shares_of_variances(tmp_path, uncertainty):
     scenario = write_pass(tmp_path)
     (tmp_path / "noise.yaml").write_text(
         f"position: {{bias: [0, 0, {height}]}}\nbucket: {{width: {width}}}\n")
-    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 500)
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws",
+                       draws := 500 if LONG else 125)
     assert done.returncode == 0
     variances = {"position.bias": (WIDTH * LENGTH * height)**2,
                  "bucket.width": (width * LENGTH * DEPTH)**2}
@@ -162,8 +163,9 @@ def test_sobol_indices_are_the_shares_of_variances(tmp_path, uncertainty):
     assert set(found) == set(variances)
     for source, variance in variances.items():
         share = variance / sum(variances.values())
-        assert found[source]["first_order"] == pytest.approx(share, abs=0.12), source
-        assert 0 < found[source]["error"] < 0.06
+        error = found[source]["error"]
+        assert found[source]["first_order"] == pytest.approx(share, abs=3 * error), source
+        assert 0 < error < 0.06 * math.sqrt(500 / draws)
     assert list(found) == ["position.bias", "bucket.width"]
 
 

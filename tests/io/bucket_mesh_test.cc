@@ -216,7 +216,7 @@ double struck_of(const Bucket& bucket) { return Capacity::of(bucket)->struck_m3(
 
 TEST(BucketMesh, HoldsTheStruckVolumeThatVoxelsCount) {
   const test::TempFolder folder;
-  for (unsigned seed = 0; seed < 24; seed += test::kSanitized ? 6 : 1) {
+  for (unsigned seed = 0; seed < 24; seed += test::kLong ? 1 : 7) {
     SCOPED_TRACE(seed);
     Random random(seed);
     const Shape shape = shape_of(random, seed % 2 == 0 ? 0 : between(random, 0, 0.15));
@@ -325,7 +325,7 @@ TEST(BucketMesh, TakesOrRefusesWhateverItIsGiven) {
   Random random(11);
   const Shape shape = shape_of(random, 0);
   int taken = 0;
-  for (int k = 0; k < (test::kSanitized ? 4 : 16); ++k) {
+  for (int k = 0; k < (test::kLong ? 16 : 4); ++k) {
     Shape broken = shape;
     for (Part& part : broken.parts) {
       for (Vec3& p : part.points)

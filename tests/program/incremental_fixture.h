@@ -38,14 +38,14 @@ class Incremental : public ProgramTest {
     std::string text = half_sine_scenario(
         terrain_, "dig.csv",
         fmt::format("{{snapshots: {{{}}}, journal: {{sync: {}}}}}", snapshots, sync_));
-    text.replace(text.find("0.025"), 5, "0.05");
+    text.replace(text.find("0.025"), 5, voxel_);
     write_file(folder() / (out + ".yaml"), text);
     const Result result = run(fmt::format("run {0}.yaml --out {0} {1}", out, options));
     ASSERT_EQ(result.status, 0) << result.err;
     EXPECT_EQ(run("verify " + out).status, 0);
   }
 
-  std::string sync_ = "1";
+  std::string sync_ = "1", voxel_ = "0.1";
   std::string terrain_ = "{plane: {z: 0, slope: [0.05, 0.02]}}";
 
   /// Snapshots on the way, in order.
@@ -66,7 +66,8 @@ class Incremental : public ProgramTest {
     return openvdb::gridPtrCast<openvdb::FloatGrid>(vdb.readGrid("surface"));
   }
   /// Are their surfaces leaf by leaf those of whole ones?
-  void expect_surfaces_of_whole_ones() const {
+  void expect_surfaces_of_whole_ones() {
+    voxel_ = "0.05";
     const std::string every = test::kSanitized ? "every: 2" : "every: 1";
     run_with(every, "whole");
     run_with(every + ", incremental: true", "part");

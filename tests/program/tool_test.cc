@@ -42,13 +42,13 @@ class Tools : public CommandLine {
 
 TEST_F(Tools, DigWhatTheyPass) {
   write_scenario("    tool: {mesh: blade.obj}\n");
-  const Result result = run("run s.yaml --updates 200 --out o");
+  const Result result = run("run s.yaml --updates 50 --out o");
   ASSERT_EQ(result.status, 0) << result.err;
   const auto s = read_json(folder() / "o/summary.json");
   EXPECT_NEAR(s["volume_m3"]["displaced"], 2 * 0.1 * 3.1, 2e-3 * 0.62);
   EXPECT_EQ(s["volume_m3"]["captured"], 0);
   EXPECT_LT(std::abs(s["volume_m3"]["residual"].get<double>()), 1e-9);
-  ASSERT_EQ(run("run s.yaml --updates 20 --out few").status, 0);
+  ASSERT_EQ(run("run s.yaml --updates 10 --out few").status, 0);
   EXPECT_NEAR(read_json(folder() / "few/summary.json")["volume_m3"]["cut"], s["volume_m3"]["cut"],
               1e-4);
   // The mesh is an input of the run as any.
