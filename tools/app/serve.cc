@@ -21,6 +21,7 @@
 #include "tools/run/run.h"
 #include "tools/run/text.h"
 #include "tools/serve/alarms.h"
+#include "tools/serve/measures.h"
 #include "tools/serve/player.h"
 #include "tools/serve/server.h"
 
@@ -174,6 +175,7 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   Opened opened = open_folder(options.scenario);
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   all.takes_feeds = false;
+  all.measures = options.scenario / kMeasuresName;
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
   say_where(server);
@@ -255,6 +257,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   }
   all.raster_cell_m = scenario.raster_cell_m;
   all.folder = recording.folder;
+  all.measures = recording.folder / kMeasuresName;
   if (scenario.mcap) all.mcap_folder = recording.folder;
   // Errors of the command must be reported before a recording exists.
   const auto server = std::make_shared<Server>(

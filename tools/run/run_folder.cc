@@ -60,7 +60,7 @@ void RunFolder::lock() {
 
 void RunFolder::clear() const {
   const std::regex half_done(
-      R"(\.(soil_.*|summary\.json|journal)\.[0-9]+-[0-9]+\.tmp|(updates\.csv|soil\.mcap)\.part)");
+      R"(\.(soil_.*|summary\.json|journal|measures\.json)\.[0-9]+-[0-9]+\.tmp|(updates\.csv|soil\.mcap)\.part)");
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(path_, error))
     if (std::regex_match(entry.path().filename().string(), half_done))

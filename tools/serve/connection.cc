@@ -129,10 +129,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
     if (is_stream && !upgrade && !post)
       return send(refusal(400, path + " is a WebSocket; open it by ws:// or wss://"));
     if (upgrade) {
-      if (path == "/view") return go_over(path);
+      if (path == "/view") return go_over(path, role);
       if (!is_stream) return send(refusal(404, "streams are /feed, /scan and /view"));
       if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
-      return go_over(path);
+      return go_over(path, role);
     }
     if (post) {
       if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
@@ -259,7 +259,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
                       });
   }
 
-  void go_over(const std::string& path) {
+  void go_over(const std::string& path, Role role) {
     const bool feeds = path != "/view";
     const bool scans = path == "/scan";  // a Scanner itself drops what is too long
     const std::string client = client_of(parser_->get());
@@ -275,7 +275,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     socket->auto_fragment(false);
     auto request = std::make_shared<Request>(parser_->release());
     socket->async_accept(*request, [self = shared_from_this(), socket, request, feeds, scans,
-                                    client](beast::error_code error) {
+                                    client, role](beast::error_code error) {
       self->end_quietly();
       if (error) return;
       if (scans)
@@ -283,7 +283,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       else if (feeds)
         std::make_shared<Feeder>(self->state_, std::move(*socket))->start();
       else
-        std::make_shared<Viewer>(self->state_, std::move(*socket), client)->start();
+        std::make_shared<Viewer>(self->state_, std::move(*socket), client, role)->start();
     });
   }
 

@@ -164,11 +164,21 @@ Json GroundView::section(const Vec2& from, const Vec2& to, int points) {
   return json;
 }
 
-Json GroundView::volume(const std::vector<Vec2>& boundary) {
+BoundaryVolume GroundView::inside(const std::vector<Vec2>& boundary) {
   const io::Site& site = now_->site();
   const io::Site undug = io::undug_site(site);
   const Ground& before = before_ ? *before_->site().ground : *undug.ground;
-  const BoundaryVolume all = volume_inside(site, before, boundary, now_heights(), design_.get());
+  return volume_inside(site, before, boundary, now_heights(), design_.get());
+}
+
+BoundaryVolume GroundView::inside_undug(const std::vector<Vec2>& boundary) const {
+  const io::Site undug = io::undug_site(now_->site());
+  return volume_inside(undug, *undug.ground, boundary, heights_of(undug.ground->initial_terrain()),
+                       design_.get());
+}
+
+Json GroundView::volume(const std::vector<Vec2>& boundary) {
+  const BoundaryVolume all = inside(boundary);
   Json json = {{"area_m2", all.area_m2}, {"off_site_m2", all.off_site_m2},
                {"cut_m3", all.cut_m3},   {"fill_m3", all.fill_m3},
                {"net_m3", all.net_m3},   {"error_m3", all.error_m3}};

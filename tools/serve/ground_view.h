@@ -36,6 +36,9 @@ class GroundView {
   nlohmann::ordered_json section(const Vec2& from, const Vec2& to, int points);
   /// Cut and fill inside a boundary, as `soilvdb diff` counts it.
   nlohmann::ordered_json volume(const std::vector<Vec2>& boundary);
+  BoundaryVolume inside(const std::vector<Vec2>& boundary);
+  /// The same if nothing had been dug.
+  BoundaryVolume inside_undug(const std::vector<Vec2>& boundary) const;
 
   std::string block(const Coord3& block, std::uint32_t view);
   /// The message about forces. @param view its number

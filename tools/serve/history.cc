@@ -51,8 +51,12 @@ class RecordedHistory : public History {
   }
 
   Past at(double time_s) override {
-    auto there = std::make_shared<Session>(start_.recorded(folder_, time_s));
+    auto there = ground_at(time_s);
     return {there, std::make_shared<const WorkLog>(log(*there, time_s))};
+  }
+
+  std::shared_ptr<Session> ground_at(double time_s) override {
+    return std::make_shared<Session>(start_.recorded(folder_, time_s));
   }
 
   StatesAfter states_after(std::size_t machine, double time_s) override {

@@ -37,6 +37,8 @@ class History {
   /// Ground and machines at the newest recorded time up to `time_s`.
   /// @throw std::exception with one line if that fails
   virtual Past at(double time_s) = 0;
+  /// As above, the site only.
+  virtual std::shared_ptr<Session> ground_at(double time_s) = 0;
   /// A machine's states later than a time. @throw as at()
   virtual StatesAfter states_after(std::size_t machine, double time_s) = 0;
   /// The recording without such states, and what it has.

@@ -153,13 +153,15 @@ void Report::sum() {
     for (std::size_t i = 0; i < count; ++i) total_.machines[i] += period.machines[i];
 }
 
+double Report::in_volume_unit(double m3) const { return query_.yards ? m3 / kYard_m3 : m3; }
+
 Report::Row Report::row(const Period& period, std::optional<std::size_t> machine) const {
   const Work work = machine ? period.machines[*machine] : period.all();
-  const auto volume = [&](double m3) { return query_.yards ? m3 / kYard_m3 : m3; };
   const auto loose = [&](std::int64_t mass) {
-    return volume(units_.loose_samples(mass) * sample_m3_);
+    return in_volume_unit(units_.loose_samples(mass) * sample_m3_);
   };
-  Row row{volume(static_cast<double>(work.cut) * sample_m3_), loose(work.put_down), {}, {}, {}};
+  Row row{
+      in_volume_unit(static_cast<double>(work.cut) * sample_m3_), loose(work.put_down), {}, {}, {}};
   if (work.hauled) row.hauled = loose(*work.hauled);
   if (soil_)
     row.load =

@@ -5,11 +5,13 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "soilvdb/earthmoving.h"
 #include "soilvdb/mass.h"
 #include "tools/serve/live_site.h"
+#include "tools/serve/progress.h"
 #include "tools/serve/target.h"
 #include "tools/serve/work_log.h"
 
@@ -55,6 +57,10 @@ class Report {
   const Period& total() const { return total_; }
   /// @param machine empty: of all
   Row row(const Period& period, std::optional<std::size_t> machine) const;
+  double in_volume_unit(double m3) const;
+  /// Of areas, as of now; empty: there are none.
+  const std::vector<Progress>& progress() const { return progress_; }
+  void set_progress(std::vector<Progress> progress) { progress_ = std::move(progress); }
   bool has_hoppers() const { return has_hoppers_; }
   bool has_mass() const { return soil_.has_value(); }
   const char* volume_unit() const { return query_.yards ? "yd3" : "m3"; }
@@ -78,6 +84,7 @@ class Report {
   bool has_hoppers_;
   std::vector<Period> periods_ = {};
   Period total_ = {};
+  std::vector<Progress> progress_ = {};
 };
 
 /// "2026-11-27T06:00:00Z" of seconds since 1970.

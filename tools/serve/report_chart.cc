@@ -150,25 +150,33 @@ std::string bar_chart(std::vector<ChartSeries> series, std::vector<double> ends_
   return framed(out, series);
 }
 
-std::string line_chart(std::vector<ChartSeries> series, const std::vector<double>& ends_s,
-                       const ChartTicks& ticks) {
+std::string value_chart(const std::vector<ChartSeries>& series, const std::vector<double>& times_s,
+                        const ChartTicks& ticks) {
   double largest = 0;
-  for (ChartSeries& of : series) {
-    double sum = 0;
-    for (double& value : of.values) value = sum += value;
-    largest = std::max(largest, sum);
-  }
-  const ChartAxes axes(largest, ends_s);
-  std::string out = axes.svg(ends_s, ticks);
+  for (const ChartSeries& of : series)
+    for (const double value : of.values) largest = std::max(largest, value);
+  const ChartAxes axes(largest, times_s);
+  std::string out = axes.svg(times_s, ticks);
   for (std::size_t k = 0; k < series.size(); ++k) {
-    std::string way = fmt::format("M{:.1f} {:.1f}", axes.x(axes.from_s), axes.y(0));
+    std::string way;
     for (std::size_t i = 0; i < series[k].values.size(); ++i)
-      way += fmt::format("L{:.1f} {:.1f}", axes.x(ends_s[i + 1]), axes.y(series[k].values[i]));
+      way += fmt::format("{}{:.1f} {:.1f}", i == 0 ? 'M' : 'L', axes.x(times_s[i]),
+                         axes.y(series[k].values[i]));
     out += fmt::format(
         "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-linejoin=\"round\"/>",
         way, colour_of(k));
   }
   return framed(out, series);
+}
+
+std::string line_chart(std::vector<ChartSeries> series, const std::vector<double>& ends_s,
+                       const ChartTicks& ticks) {
+  for (ChartSeries& of : series) {
+    double sum = 0;
+    for (double& value : of.values) value = sum += value;
+    of.values.insert(of.values.begin(), 0);
+  }
+  return value_chart(series, ends_s, ticks);
 }
 
 }  // namespace soilvdb::tools

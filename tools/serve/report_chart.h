@@ -26,6 +26,9 @@ std::string chart_number(double value, int decimals);
 /// @param ends_s of periods, after the begin of the first
 std::string bar_chart(std::vector<ChartSeries> series, std::vector<double> ends_s,
                       const ChartTicks& ticks);
+/// Values at times, and a key.
+std::string value_chart(const std::vector<ChartSeries>& series, const std::vector<double>& times_s,
+                        const ChartTicks& ticks);
 /// Sums up to the end of each period, and a key.
 std::string line_chart(std::vector<ChartSeries> series, const std::vector<double>& ends_s,
                        const ChartTicks& ticks);

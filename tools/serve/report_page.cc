@@ -14,6 +14,7 @@
 #include "tools/run/text.h"
 #include "tools/serve/report.h"
 #include "tools/serve/report_chart.h"
+#include "tools/serve/report_progress.h"
 #include "tools/serve/report_style.h"
 
 namespace soilvdb::tools {
@@ -70,6 +71,10 @@ class ReportText {
     if (dates_ && is_day(of)) return date(of.from_s, "{:%a %d %b}");
     const bool two_days = dates_ && day_of(of.from_s) != day_of(of.to_s - 1);
     return time(of.from_s, days_) + "–" + time(of.to_s, two_days);
+  }
+  /// A day and time.
+  std::string moment(double time_s) const {
+    return dates_ ? date(time_s, "{:%d %B %Y, %H:%M}") + " UTC" : time(time_s) + " h:min";
   }
   std::string whole_time() const {
     const Report::Period& all = report_.total();
@@ -273,6 +278,9 @@ std::string report_page(const Report& report, const std::string& token) {
   html += sums_of(report, text);
   if (periods.empty()) html += "<p>There are no states with times yet.</p>\n";
   if (!periods.empty()) html += charts_of(report, text);
+  html += progress_html(
+      report, [&](double time_s) { return text.tick(time_s); },
+      [&](double time_s) { return text.moment(time_s); }, text.volume_unit());
   std::vector<ReportLine> lines;
   for (std::size_t i = 0; i < report.names().size(); ++i)
     lines.push_back({report.names()[i], &report.total(), i});

@@ -22,6 +22,8 @@
 #include "tools/run/run_totals.h"
 #include "tools/run/text.h"
 #include "tools/serve/alarms.h"
+#include "tools/serve/measures.h"
+#include "tools/serve/progress.h"
 #include "tools/serve/report.h"
 #include "tools/serve/server_state.h"
 
@@ -32,7 +34,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr int kMostPoints = 5000;
-constexpr std::size_t kMostCorners = 1000;
 constexpr std::size_t kMostPasts = 4;
 
 Reply json_reply(const Json& json) {
@@ -193,6 +194,43 @@ FeedLines::Feed ServerState::feed_of(std::shared_ptr<const FeedSource> source) {
   };
 }
 
+void ServerState::measures_csv(std::shared_ptr<MeasuresCsv> table,
+                               std::function<void(Reply)> done) {
+  if (table->next == table->measures.size())
+    return done({200, "text/csv; charset=utf-8", table->csv, "measures.csv"});
+  with_ground(
+      table->time_s, table->against_s, table->client,
+      [table](GroundView& ground) {
+        table->csv += measures_csv_row(table->measures[table->next++], ground);
+        return Reply{};
+      },
+      [this, table, done](const Reply& reply) {
+        if (reply.status != 200) return done(reply);
+        measures_csv(table, done);
+      });
+}
+
+void ServerState::with_progress(std::shared_ptr<ProgressQuery> progress, const std::string& client,
+                                std::function<Reply()> make, std::function<void(Reply)> done) {
+  auto more = std::make_shared<bool>(false);
+  const auto step = [this, progress, more, changes = site.changes_of_past()] {
+    if (history) *more = progress->step(*history, progress_samples, changes);
+    return Reply{};
+  };
+  query(other_times, client, step, [this, progress, more, client, make, done](const Reply& reply) {
+    if (reply.status != 200) return done(reply);
+    if (*more) return with_progress(progress, client, make, done);
+    progress->take_work(site);
+    with_ground(
+        {}, {}, client,
+        [progress, make](GroundView& live) {
+          progress->finish(live);
+          return make();
+        },
+        done);
+  });
+}
+
 /// The feed lives as long as its lines are fed.
 void ServerState::feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<FeedSource> source,
                             std::function<void(Reply)> done) {
@@ -223,9 +261,14 @@ void ServerState::post(const std::string& text, std::string body, const std::str
       const QueryParameters parameters(*target, {});
       return done(json_reply(change_list(path.substr(1), body)));
     }
+    if (path == "/measures") {
+      const QueryParameters parameters(*target, {});
+      return done(json_reply(change_measures(body)));
+    }
     if (path != "/clock")
-      return done(refusal(
-          405, "only GET is answered, and POST of /feed, /machines, /hoppers, /undo and /clock"));
+      return done(refusal(405,
+                          "only GET is answered, and POST of /feed, /machines, /hoppers, "
+                          "/measures, /undo and /clock"));
     const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
         site.feed(io::to_text(Json{{"machine", parameters.text("machine")}, {"clock", "reset"}}));
@@ -325,16 +368,56 @@ void ServerState::answer(const std::string& text, const std::string& client,
       if (!parameters.time_if("time")) return done(csv(site.state()));
       return look(parameters, [csv](GroundView& ground) { return csv(ground.state()); });
     }
+    if (path == "/measures") {
+      const QueryParameters parameters(*target, {});
+      return done(json_reply(measures.json()));
+    }
+    if (path == "/measures.geojson") {
+      const QueryParameters parameters(*target, {});
+      return done({200, "application/geo+json",
+                   io::to_text(measures.geojson(site.session().site().crs_wkt)) + '\n',
+                   "measures.geojson"});
+    }
+    if (path == "/measures.csv") {
+      const QueryParameters parameters(*target, {"time", "against"});
+      return measures_csv(
+          std::make_shared<MeasuresCsv>(MeasuresCsv{measures.all(), parameters.time_if("time"),
+                                                    parameters.time_if("against"), client}),
+          done);
+    }
+    if (path == "/progress") {
+      const QueryParameters parameters(*target, {"measure"});
+      std::vector<Measure> areas = measures.areas();
+      if (const auto id = parameters.number_if("measure")) {
+        const Measure& one =
+            measures.find(*id >= 0 && *id == std::floor(*id) ? static_cast<std::uint64_t>(*id) : 0);
+        if (one.kind != Measure::Kind::kBoundary)
+          throw std::invalid_argument("progress is that of a measure with a boundary");
+        areas = {one};
+      }
+      auto progress = std::make_shared<ProgressQuery>(site, std::move(areas), design);
+      return with_progress(
+          progress, client, [progress] { return json_reply(progress_json(progress->result())); },
+          done);
+    }
     if (path == "/report" || path == "/report.csv") {
       const QueryParameters parameters(*target, {"from", "to", "every", "units"});
       const std::string token = parameters.text_if("token");
       auto report = std::make_shared<Report>(site, ReportQuery(parameters));
-      return query(
-          queries, client,
-          [report, token, page = path == "/report"] {
-            report->sum();
-            if (page) return Reply{200, "text/html; charset=utf-8", report_page(*report, token)};
-            return Reply{200, "text/csv; charset=utf-8", report_csv(*report), "report.csv"};
+      const bool to_print = path == "/report";
+      const auto make = [report, token, to_print] {
+        report->sum();
+        if (to_print) return Reply{200, "text/html; charset=utf-8", report_page(*report, token)};
+        return Reply{200, "text/csv; charset=utf-8", report_csv(*report), "report.csv"};
+      };
+      if (!to_print || !design || measures.areas().empty())
+        return query(queries, client, make, done);
+      auto progress = std::make_shared<ProgressQuery>(site, measures.areas(), design);
+      return with_progress(
+          progress, client,
+          [report, progress, make] {
+            report->set_progress(progress->result());
+            return make();
           },
           done);
     }
@@ -379,8 +462,9 @@ void ServerState::answer(const std::string& text, const std::string& client,
     }
     done(refusal(404,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
-                 "/mesh.glb, /machines, /machines.csv, /report, /report.csv, /alarms, /undo, "
-                 "/height, /section, /volume and /terrain"));
+                 "/mesh.glb, /machines, /machines.csv, /measures, /measures.geojson, "
+                 "/measures.csv, /progress, /report, /report.csv, /alarms, /undo, /height, "
+                 "/section, /volume and /terrain"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

@@ -86,6 +86,7 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
                                     site.session().site().ground->shared_terrain())),
       mesher(std::make_unique<CachedMesher>(*copy)),
       forces(site.session(), *copy),
+      measures(options.measures),
       recording(options.mcap_folder.empty()
                     ? nullptr
                     : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
@@ -182,6 +183,22 @@ Bytes ServerState::description() {
   json["design"] = design != nullptr;
   json["times"] = times();
   return std::make_shared<const std::string>(io::to_text(json));
+}
+
+Bytes ServerState::measures_message(Role role) const {
+  Json json = {{"type", "measures"}};
+  json.update(measures.json());
+  json["may_change"] = role == Role::kFeeder && options.takes_feeds;
+  // Links are passed on, so they never have the token of feeds.
+  const bool can_be_passed_on = !has_tokens() || options.public_view || !options.view_token.empty();
+  json["link_token"] = can_be_passed_on ? Json(options.view_token) : Json();
+  return std::make_shared<const std::string>(io::to_text(json));
+}
+
+Json ServerState::change_measures(const std::string& change) {
+  Json answer = measures.change(change);
+  for (Viewer* viewer : viewers) viewer->measures_changed();
+  return answer;
 }
 
 void ServerState::follow_ground() {

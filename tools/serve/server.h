@@ -32,6 +32,7 @@ struct ServerOptions {
   std::vector<Vec2> boundary = {};           ///< that machines must not leave; empty: none
   std::filesystem::path folder = {};         ///< of the recording, whose disk may fill; or empty
   std::filesystem::path mcap_folder = {};    ///< empty: no MCAP is recorded
+  std::filesystem::path measures = {};       ///< file of measures that have names; empty: none stay
 };
 
 /// Serves on the thread that calls run(), which then owns the site. Slow work runs on another

@@ -26,6 +26,8 @@
 #include "tools/serve/live_forces.h"
 #include "tools/serve/live_heights.h"
 #include "tools/serve/live_mcap.h"
+#include "tools/serve/measures.h"
+#include "tools/serve/progress.h"
 #include "tools/serve/query_lane.h"
 #include "tools/serve/server.h"
 #include "tools/serve/target.h"
@@ -75,6 +77,21 @@ struct ServerState {
   /// @param from whose feed it is
   void post(const std::string& target, std::string body, const std::string& from,
             std::function<void(Reply)> done);
+  /// The values of measures, one after another, so that others' queries come in between.
+  struct MeasuresCsv {
+    std::vector<Measure> measures;
+    std::optional<double> time_s, against_s;
+    std::string client, csv = measures_csv_head();
+    std::size_t next = 0;
+  };
+  void measures_csv(std::shared_ptr<MeasuresCsv> table, std::function<void(Reply)> done);
+  /// Finds the progress of areas, and then makes a reply.
+  void with_progress(std::shared_ptr<ProgressQuery> progress, const std::string& client,
+                     std::function<Reply()> make, std::function<void(Reply)> done);
+  /// Changes measures, and tells viewers.
+  nlohmann::ordered_json change_measures(const std::string& change);
+  /// The message about measures. @param role of its viewer
+  Bytes measures_message(Role role) const;
   /// Changes the machines or hoppers, and tells viewers.
   nlohmann::ordered_json change_list(const std::string& list, const std::string& change);
   /// Feeds lines of a source.
@@ -170,9 +187,11 @@ struct ServerState {
 
   std::uint64_t told_fed = 0;
   Clock::time_point told{}, asked_times{}, ticked = Clock::now(), ended{};
+  Measures measures;
   History::Times known_times;                ///< as a query found them
   std::list<std::pair<double, Past>> pasts;  ///< recent queries, newest first
   std::uint64_t changes_of_pasts = 0;        ///< number of changes that `pasts` belong to
+  ProgressSamples progress_samples;          ///< used by `other_times`
   // The last members end first.
   std::unique_ptr<LiveMcap> recording;  ///< null: no recording
   /// Queries that have not begun at the end get no answer. A query of one place waits for no large

@@ -29,8 +29,8 @@ std::string message(const Json& json) { return io::to_text(json); }
 
 }  // namespace
 
-Viewer::Viewer(ServerState& state, Socket socket, std::string client)
-    : state_(state), socket_(std::move(socket)), client_(std::move(client)) {}
+Viewer::Viewer(ServerState& state, Socket socket, std::string client, Role role)
+    : state_(state), socket_(std::move(socket)), client_(std::move(client)), role_(role) {}
 
 void Viewer::start() {
   state_.follow_ground();
@@ -39,6 +39,7 @@ void Viewer::start() {
   socket_.binary(true);
   texts_.push_back(state_.description());
   texts_.push_back(state_.state_message());
+  told_measures_ = state_.measures_message(role_);
   for (const Coord3& block : resident_blocks(*state_.site.session().site().ground))
     due_.insert(block);
   go_on();
@@ -51,6 +52,11 @@ void Viewer::changed(const Coord3& block) {
 
 void Viewer::tell(const Bytes& text) {
   texts_.push_back(text);
+  go_on();
+}
+
+void Viewer::measures_changed() {
+  told_measures_ = state_.measures_message(role_);
   go_on();
 }
 
@@ -216,7 +222,7 @@ void Viewer::go_on() {
     texts_.pop_front();
     return send(text, true);
   }
-  for (Bytes* told : {&told_, &told_forces_})
+  for (Bytes* told : {&told_measures_, &told_, &told_forces_})
     if (*told) return send(std::exchange(*told, nullptr), true);
   Bytes message_of_block;
   const std::optional<Coord3> block = next_block(message_of_block);

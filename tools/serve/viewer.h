@@ -22,7 +22,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   using Socket = boost::beast::websocket::stream<boost::beast::tcp_stream>;
 
   /// @param client as in ServerState::answer()
-  Viewer(ServerState& state, Socket socket, std::string client);
+  Viewer(ServerState& state, Socket socket, std::string client, Role role);
 
   void start();
   /// A block of the live ground changed.
@@ -31,6 +31,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void tell(const Bytes& text);
   /// State of the machines; only the newest is sent.
   void tell_state(const Bytes& state) { told_ = state; }
+  /// Sends the named measures; only the newest list is sent.
+  void measures_changed();
   /// Did it ask for forces, and looks at the live machines?
   bool wants_live_forces() const { return wants_force_ && !past_; }
   /// Forces on the live buckets; only the newest are sent.
@@ -52,9 +54,10 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   ServerState& state_;
   Socket socket_;
   const std::string client_;
+  const Role role_;
   boost::beast::flat_buffer in_;
   std::deque<Bytes> texts_;
-  Bytes told_, told_forces_;
+  Bytes told_measures_, told_, told_forces_;
   std::set<Coord3, Before> due_;
   Coord3 last_ = Coord3::Zero();
   std::uint32_t view_ = 0, views_ = 0;  ///< 0: live; number of other views so far
