@@ -673,6 +673,88 @@ test('alarms are shown while they last', options, async () => {
   }
 });
 
+test('a measure with a name is seen by all, moved, asked for its progress, shared by a link, and removed for all', options, async () => {
+  const [scenario, ...rest] = live(), design = path.join(work, 'design.asc');
+  fs.writeFileSync(design, `ncols 20\nnrows 20\nxllcorner -10\nyllcorner -10\ncellsize 1\n${`${Array(20).fill(1.7).join(' ')}\n`.repeat(20)}`);
+  const server = await site.serve(scenario, ...rest, '--view-token', 'looks', '--design', design, '--port', '0');
+  assert.match(server.url, /#token=looks$/);
+  const ask = async (what) => (await fetch(new URL(`${what}${what.includes('?') ? '&' : '?'}token=looks`, server.url))).json();
+  const kept = async () => (await ask('measures')).measures;
+  const pages = [];
+  const opened = async (address) => {
+    const made = await site.open(browser, address);
+    pages.push(made);
+    return made.page;
+  };
+  const named = (page, names) => page.waitForFunction((all) =>
+    JSON.stringify([...document.querySelectorAll('#named button span')].map((e) => e.textContent)) === all, JSON.stringify(names));
+  try {
+    const office = await opened(server.url.replace('looks', 'sesame'));
+    await scoop(office, 0, 0, 0, 0.3);
+    await office.waitForFunction(() => window.soilvdb.height(0.6, 0) < 1.9);
+    await site.drawn(office);   // the camera is at the work
+    await office.keyboard.press('g');
+    await office.keyboard.press('t');
+    await site.drawn(office);
+    await site.settled(office);
+    await office.keyboard.press('b');
+    for (const corner of [[-0.5, -0.5], [1.5, -0.5], [1.5, 0.5], [-0.5, 0.5]]) await site.clickAt(office, corner);
+    await office.keyboard.press('Enter');
+    await office.keyboard.press('v');
+    await office.getByText('Name and keep').click();
+    await office.keyboard.type('  Pit <A> ');
+    await office.keyboard.press('Enter');
+    await named(office, ['Pit <A>']);
+    const [made] = await kept();
+    assert.equal(made.points.length, 4);
+    await office.evaluate(() => Object.defineProperty(navigator, 'clipboard', {value: {writeText: async (text) => { window.copied = text; }}}));
+    await office.getByText('Copy link').click();
+    const link = await office.waitForFunction(() => window.copied).then((text) => text.jsonValue());
+    assert.equal(link, `${server.url.split('#')[0]}#measure=${made.id}&token=looks`, 'never with the token of feeds');
+
+    const guest = await opened(link), card = guest.locator('.card', {hasText: 'Pit <A>'});
+    await named(guest, ['Pit <A>']);
+    await card.locator('.cut dd').first().waitFor();
+    await guest.waitForFunction(([x, y]) => {
+      const at = window.soilvdb.project([x, y, window.soilvdb.height(x, y)]), canvas = document.querySelector('#canvas').getBoundingClientRect();
+      return at && Math.hypot(at[0] - canvas.left - canvas.width / 2, at[1] - canvas.top - canvas.height / 2) < canvas.height / 3;
+    }, [0.6, 0]);
+    assert.equal(await card.getByText('Edit').count(), 0, 'who may only look changes nothing');
+    await card.locator('.progress summary').click();
+    await card.locator('.progress svg').waitFor();
+    const [progress] = (await ask(`progress?measure=${made.id}`)).areas;
+    assert.ok(progress.done !== 0 && progress.done < 1);
+    assert.equal(await card.locator('.progress dd').first().textContent(), `${(100 * progress.done).toFixed(0)}\u2009%`);
+
+    await office.locator('.actions').getByText('Edit').click();
+    const pixelOf = (page, [x, y]) => page.evaluate(([u, v]) => window.soilvdb.project([u, v, window.soilvdb.height(u, v)]), [x, y]);
+    await site.settled(office);
+    await office.mouse.move(...(await pixelOf(office, made.points[2])));
+    await office.mouse.down();
+    await office.mouse.move(...(await pixelOf(office, [1.8, 0.7])), {steps: 4});
+    await office.mouse.up();
+    await office.locator('.edit summary').click();
+    await office.getByLabel('N of point 1').fill('-0.75');
+    const {query} = await site.answerTo(guest, '/volume', () => office.locator('.edit').getByText('Save').click());
+    const [moved] = await kept();
+    assert.deepEqual([moved.points[1], moved.points[3], moved.id], [made.points[1], made.points[3], made.id]);
+    assert.ok(Math.hypot(moved.points[2][0] - 1.8, moved.points[2][1] - 0.7) < 0.05, `${moved.points[2]} was dragged there`);
+    assert.equal(moved.points[0][1], -0.75);
+    assert.equal(query.get('boundary'), moved.points.flat().map((v) => v.toFixed(4)).join(), 'who looks has the new figures');
+
+    await office.locator('.actions').getByText('Edit').click();
+    await office.locator('.edit').getByText('Delete').click();
+    await office.getByText('Delete for all').click();
+    for (const page of [office, guest]) await named(page, []);
+    assert.equal(await card.count(), 0);
+    assert.deepEqual(await kept(), []);
+    for (const {said} of pages) assert.deepEqual(said, []);
+  } finally {
+    for (const {close} of pages) await close();
+    await server.stop();
+  }
+});
+
 test('below a path the page, its streams, queries and downloads are there', options, async () => {
   const server = await site.serve(...live(), '--port', '0', '--base-path', '/dig');
   try {

@@ -3,7 +3,10 @@
 // The server's answers by HTTP: queries as JSON, tiles as bytes, addresses of downloads. The token
 // comes from the page's own address, #token=...
 
-export const token = new URLSearchParams(location.hash.slice(1)).get('token');
+const inHash = (name) => new URLSearchParams(location.hash.slice(1)).get(name);
+export const token = inHash('token');
+/** The number of the measure that the page's address asks for, #measure=..., or null. */
+export const measureAsked = () => inHash('measure');
 
 /**
  * A path with its query and token, relative to the page: a proxy may serve the page below any path.
@@ -26,8 +29,8 @@ async function reasonOf(response) {
   return reason;
 }
 
-async function get(path, query) {
-  const response = await fetch(address(path, query), {signal: AbortSignal.timeout(30000)});
+async function get(path, query, within_ms = 30000) {
+  const response = await fetch(address(path, query), {signal: AbortSignal.timeout(within_ms)});
   if (response.ok) return response;
   throw Object.assign(new Error(await reasonOf(response)), {status: response.status});
 }
@@ -54,5 +57,12 @@ export async function answers(within_ms) {
   }
 }
 
-export const getJson = async (path, query) => (await get(path, query)).json();
+/** Sends JSON. @return what the server answers */
+export async function postJson(path, json) {
+  const response = await fetch(address(path), {method: 'POST', body: JSON.stringify(json), signal: AbortSignal.timeout(30000)});
+  if (!response.ok) throw new Error(await reasonOf(response));
+  return response.json();
+}
+
+export const getJson = async (path, query, within_ms) => (await get(path, query, within_ms)).json();
 export const getBytes = async (path, query) => (await get(path, query)).arrayBuffer();

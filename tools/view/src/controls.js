@@ -27,6 +27,7 @@ export class Controls {
     });
     this.choose('look');
     this.#listenToPointer();
+    this.#listenToHandles();
     addEventListener('keydown', (event) => this.#key(event));
     $('north').onclick = () => this.north();
     $('above').onclick = () => this.above();
@@ -100,6 +101,29 @@ export class Controls {
       this.hovered = false;
     });
     for (const type of ['focus', 'blur']) canvas.addEventListener(type, () => { this.hovered = false; });
+  }
+
+  /** Points of the edited measure are dragged, instead of the ground. */
+  #listenToHandles() {
+    const {canvas} = this.sceneView, {measures} = this;
+    let held = -1;
+    $('stage').addEventListener('pointerdown', (event) => {
+      if (event.target !== canvas || event.button !== 0 || !measures.edited || measures.tool !== 'look') return;
+      held = this.overlay.handleAt(...this.#pixel(event));
+      if (held < 0) return;
+      event.stopPropagation();
+      canvas.setPointerCapture(event.pointerId);
+    }, {capture: true});
+    canvas.addEventListener('pointermove', (event) => {
+      if (held < 0 || !measures.edited) return;
+      const p = this.pick.atPixel(...this.#pixel(event)), {measure} = measures.edited;
+      if (p) measures.move(measure, measure.points.map((old, i) => (i === held ? this.#world(p) : old)), false);
+    });
+    const drop = () => {
+      if (held >= 0 && measures.edited) measures.move(measures.edited.measure, measures.edited.measure.points);
+      held = -1;
+    };
+    for (const type of ['pointerup', 'pointercancel']) canvas.addEventListener(type, drop);
   }
 
   #pixel(event) {

@@ -32,6 +32,8 @@ export function withUnit(value, unit, significant = 3) {
 }
 
 export const volume = (m3) => withUnit(m3, 'm³');
+/** A volume per hour. */
+export const rate = (m3) => (m3 === null || m3 === undefined ? kNone : `${signedVolume(m3).replace(/^\+/, '')}/h`);
 export const area = (m2) => withUnit(m2, 'm²');
 
 /** Mass of a load: in kg, or in tonnes from 10 t on. */
@@ -81,6 +83,13 @@ export function time(seconds) {
   const tail = `${hours > 0 ? two(minutes % 60) : minutes}:${s < 10 ? '0' : ''}${s.toFixed(1)}`;
   return negative + (hours > 0 ? `${hours}:${tail}` : tail);
 }
+
+/** As time(), to the minute if it is a date. */
+export const moment = (seconds) =>
+  (seconds > kLeastEpoch_s ? new Date(seconds * 1000).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'short'}) : time(seconds));
+
+/** A duration of work. */
+export const hours = (h) => (h < 1 ? `${(60 * h).toFixed(0)}${kThin}min` : withUnit(h, 'h'));
 
 /** 1, 2 or 5 times a power of ten, at most `about`. */
 export function roundDown125(about) {

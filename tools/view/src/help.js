@@ -29,6 +29,7 @@ export function fillHelp(site) {
     h('p', {}, 'Drag to move, drag with the right button to turn and tilt, wheel to zoom. On a touch screen: one finger moves, two zoom, turn and tilt.'),
     h('h3', {}, 'Measuring'),
     h('p', {}, 'Choose a tool, then click on the ground. The server computes volumes and heights from the ground, not from the picture, and updates them while the site is live. Cut is soil taken away, fill is soil added, both against the ground before digging or, with Compare, against another time.'),
+    h('p', {}, 'A measure that is given a name is kept by the site. All who look see it, and Link opens the page with it. Edit changes its name and moves its points: drag them, or type coordinates.'),
     h('h3', {}, 'Colours'),
     h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; clods are loose soil. Changes smaller than the band under Options are shown as ground.'),
     h('h3', {}, 'Force'),

@@ -50,6 +50,7 @@ class Page {
     this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
     this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, () => {
       this.updateTerrain();   // prepares the next tiles independently of the drawing rate
+      this.overlay?.drapeAgain();
       changed();
     });
     this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.sceneView.scene}, changed);
@@ -63,7 +64,7 @@ class Page {
     this.pick = new GroundPick(this.sceneView, this.terrain, this.views);
     this.measures = new Measures(() => this.shownTimes(), () => this.measuresChanged());
     this.overlay = new Overlay($('marks'), this.sceneView, this.pick, this.measures, this.origin);
-    this.cards = new MeasureCards(this.measures, (m, d) => this.overlay.pointAt(m, d), (m) => this.goToMeasure(m));
+    this.cards = new MeasureCards(this.measures, site.design, (m, d) => this.overlay.pointAt(m, d), (m) => this.goToMeasure(m));
     this.controls = new Controls({
       sceneView: this.sceneView, pick: this.pick, overlay: this.overlay, measures: this.measures, origin: this.origin,
       fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), done: () => openPanel('measures'),
@@ -108,6 +109,7 @@ class Page {
       this.overlay.drapeAgain();
       this.fitColours();
     }
+    if (this.goal && this.lifted && this.terrain.settled) this.goToMeasure(this.goal);
     if (!this.fitted && this.lifted && this.live && this.views.settled && this.terrain.settled) this.fitWork(true);
     return changed || moving;
   }
@@ -174,6 +176,8 @@ class Page {
   }
 
   goToMeasure({points}) {
+    this.goal = null;
+    this.fitted = true;
     const local = points.map((p) => this.overlay.local(p)), middle = new Vector3();
     for (const p of local) middle.addScaledVector(p, 1 / local.length);
     const size = Math.max(...local.map((p) => p.distanceTo(middle)));
@@ -184,6 +188,23 @@ class Page {
   measuresChanged() {
     this.cards?.update();
     this.controls?.showDraft();
+    this.sceneView.changed();
+  }
+
+  /** The measures with names. */
+  measuresCome(message) {
+    const first = !this.measures.hasNamed;
+    this.measures.takeNamed(message);
+    if (first) this.openAsked();
+  }
+
+  /** Shows the measure that the page's address asks for. */
+  openAsked() {
+    const asked = api.measureAsked();
+    if (asked === null) return;
+    this.goal = this.measures.open(Number(asked));
+    if (!this.goal) return hint('The measure of this link is no longer kept', 6);
+    openPanel('measures');
     this.sceneView.changed();
   }
 
@@ -254,6 +275,7 @@ function text(message) {
     page?.timeline.answered();
   } else if (page) {
     if (message.type === 'state') page.state(message);
+    if (message.type === 'measures') page.measuresCome(message);
     if (message.type === 'view') page.viewComes(message);
     if (message.type === 'force') page.forcesCome(message);
     if (message.type === 'whole') page.views.whole(message.id);
@@ -277,6 +299,7 @@ const link = new Link({
     if (!page) explain();
   },
 });
+addEventListener('hashchange', () => page?.openAsked());
 startPanels();
 startTheme($('theme'), (theme) => page?.setTheme(theme));
 fillHelp(null);

@@ -3,7 +3,10 @@
 // Measures as cards beside the picture.
 import {$, h, setText, svg} from './dom.js';
 import * as format from './format.js';
+import {editForm} from './measure_form.js';
+import {progressFigures} from './progress.js';
 import {sectionAreas, sectionChart} from './section_chart.js';
+import {hint} from './surroundings.js';
 
 const kTitles = {boundary: 'Boundary', section: 'Section', height: 'Point', distance: 'Distance'};
 
@@ -44,17 +47,26 @@ function figures(measure) {
   ];
 }
 
+const icon = (path, ...more) => svg('svg', {viewBox: '0 0 20 20', 'aria-hidden': 'true'}, svg('path', {d: path}), ...more);
+const action = (text, act) => h('button', {class: 'link', type: 'button', onclick: (event) => act(event.detail === 0)}, text);
+const titleOf = (measure) => `${kTitles[measure.kind]} ${measure.name || measure.letter}`;
+
 export class MeasureCards {
-  /** @param {import('./measures.js').Measures} measures @param {function(Object, ?number)} hover along a section @param {function(Object)} goTo */
-  constructor(measures, hover, goTo) {
-    Object.assign(this, {measures, hover, goTo});
+  /**
+   * @param {import('./measures.js').Measures} measures @param {boolean} hasDesign
+   * @param {function(Object, ?number)} hover along a section @param {function(Object)} goTo
+   */
+  constructor(measures, hasDesign, hover, goTo) {
+    Object.assign(this, {measures, hasDesign, hover, goTo});
     this.cards = new Map();
   }
 
   update() {
-    const {list} = this.measures;
-    $('measures-empty').hidden = list.length > 0;
-    setText($('measure-count'), list.length > 0 ? String(list.length) : '');
+    const {list, named} = this.measures;
+    $('measures-empty').hidden = list.length > 0 || named.length > 0;
+    const count = list.filter((m) => m.kept === null).length + named.length;
+    setText($('measure-count'), count > 0 ? String(count) : '');
+    this.#updateNamed();
     const kept = new Set(list.map((m) => m.id));
     for (const [id, card] of this.cards) {
       if (kept.has(id)) continue;
@@ -66,26 +78,109 @@ export class MeasureCards {
       const place = $('measure-list');
       if (place.children[i] !== card.element) place.insertBefore(card.element, place.children[i] ?? null);
       card.element.classList.toggle('old', measure.old);
-      if (card.values === measure.values && card.error === measure.error) return;
-      card.values = measure.values;
-      card.error = measure.error;
-      this.#fill(card, measure);
+      this.#name(card, measure);
+      this.#updateForm(card, measure);
+      if (card.progress && card.shown !== measure.progress) {
+        card.shown = measure.progress;
+        card.progress.replaceChildren(...progressFigures(measure.progress));
+      }
+      if (card.values === measure.values && card.error === measure.error && card.points === measure.points) return;
+      Object.assign(card, {values: measure.values, error: measure.error, points: measure.points});
+      if (card.values || card.error !== null) this.#fill(card, measure);
     });
+    this.askProgress();
+  }
+
+  /** Areas with progress in sight are asked again after a while. */
+  askProgress() {
+    for (const measure of this.measures.list) {
+      if (this.cards.get(measure.id)?.details?.open && this.measures.edited?.measure !== measure) this.measures.askProgress(measure);
+    }
+  }
+
+  /** All with a name, as buttons that show them. */
+  #updateNamed() {
+    const {list, named} = this.measures, shown = new Map(list.filter((m) => m.kept !== null).map((m) => [m.kept, m]));
+    const key = JSON.stringify(named.map(({id, name, kind}) => [id, name, kind, shown.has(id)]));
+    if (key === this.namedKey) return;
+    this.namedKey = key;
+    const focused = $('named').contains(document.activeElement) ? document.activeElement.dataset.id : null;
+    $('named').hidden = named.length === 0;
+    $('named').replaceChildren(...named.map(({id, name, kind}) => h('li', {},
+      h('button', {type: 'button', 'data-id': id, 'aria-pressed': String(shown.has(id)), title: name, onclick: () => this.#toggle(id)},
+        h('span', {}, name), h('small', {}, kTitles[kind])))));
+    if (focused !== null) $('named').querySelector(`[data-id="${focused}"]`)?.focus();
+  }
+
+  #toggle(id) {
+    const shown = this.measures.list.find((m) => m.kept === id);
+    if (shown) this.measures.remove(shown.id);
+    else this.goTo(this.measures.open(id));
   }
 
   #make(measure) {
-    const body = h('div', {}, h('p', {class: 'faint'}, 'Asking\u2026'));
-    const name = `${kTitles[measure.kind]} ${measure.letter}`;
-    const element = h('article', {class: 'card', 'aria-label': name, 'data-kind': measure.kind},
-      h('header', {}, h('span', {class: 'letter', 'aria-hidden': 'true'}, measure.letter), h('h3', {}, kTitles[measure.kind]),
-        h('button', {class: 'button', type: 'button', title: 'Go there', 'aria-label': `Go to ${name}`, onclick: () => this.goTo(measure)},
-          svg('svg', {viewBox: '0 0 20 20', 'aria-hidden': 'true'}, svg('circle', {cx: 10, cy: 10, r: 5}), svg('path', {d: 'M10 1v5m0 8v5M1 10h5m8 0h5'}))),
-        h('button', {class: 'button', type: 'button', title: 'Remove', 'aria-label': `Remove ${name}`, onclick: () => this.measures.remove(measure.id)},
-          svg('svg', {viewBox: '0 0 20 20', 'aria-hidden': 'true'}, svg('path', {d: 'm5 5 10 10M15 5 5 15'})))),
-      body);
-    const card = {element, body, values: null, error: null};
+    const body = h('div', {}, h('p', {class: 'faint'}, 'Asking\u2026')), title = h('h3', {}), letter = h('span', {class: 'letter', 'aria-hidden': 'true'}, measure.letter);
+    const go = h('button', {class: 'button', type: 'button', title: 'Go there', onclick: () => this.goTo(measure)},
+      icon('M10 1v5m0 8v5M1 10h5m8 0h5', svg('circle', {cx: 10, cy: 10, r: 5})));
+    const close = h('button', {class: 'button', type: 'button', onclick: () => this.measures.remove(measure.id)}, icon('m5 5 10 10M15 5 5 15'));
+    const actions = h('p', {class: 'actions'}), link = h('input', {class: 'field', readonly: true, hidden: true, 'aria-label': 'Link'});
+    const element = h('article', {class: 'card', 'data-kind': measure.kind}, h('header', {}, letter, title, go, close), body, actions, link);
+    const card = {element, body, title, letter, go, close, actions, link, form: null, values: null, error: null};
     this.cards.set(measure.id, card);
     return card;
+  }
+
+  /** What depends on the name, and on whether there is one. */
+  #name(card, measure) {
+    const key = JSON.stringify([measure.name, measure.kept, this.measures.mayChange]);
+    if (key === card.key) return;
+    card.key = key;
+    const title = titleOf(measure);
+    card.letter.hidden = measure.name !== '';
+    card.title.replaceChildren(...(measure.name ? [h('span', {title: measure.name}, measure.name), ' ', h('small', {}, kTitles[measure.kind])] : [kTitles[measure.kind]]));
+    card.element.setAttribute('aria-label', title);
+    card.go.setAttribute('aria-label', `Go to ${title}`);
+    card.close.title = measure.kept === null ? 'Remove' : 'Show no longer';
+    card.close.setAttribute('aria-label', measure.kept === null ? `Remove ${title}` : `Show ${title} no longer`);
+    const {mayChange} = this.measures, edit = (byKeys) => {
+      this.measures.edit(measure);
+      if (byKeys || measure.kept === null) card.form.querySelector('input').focus();   // else no keyboard covers a phone
+    };
+    card.actions.replaceChildren(...[
+      mayChange ? action(measure.kept === null ? 'Name and keep' : 'Edit', edit) : null,
+      measure.kept === null ? null : action('Copy link', () => this.#copyLink(card, measure)),
+    ].filter(Boolean));
+    if (measure.kept !== null && measure.kind === 'boundary' && this.hasDesign && !card.details) {
+      card.progress = h('div', {});
+      card.details = h('details', {class: 'progress', ontoggle: () => this.askProgress()}, h('summary', {}, 'Progress to design'), card.progress);
+      card.actions.before(card.details);
+    }
+  }
+
+  async #copyLink(card, measure) {
+    const address = this.measures.link(measure);
+    const needs = this.measures.linkToken === null ? ' Whoever opens it must add a token.' : '';
+    try {
+      await navigator.clipboard.writeText(address);
+      hint(`The link to ${measure.name} is copied.${needs}`, 4);
+    } catch {   // browsers let only pages of https and of this computer do so
+      card.link.hidden = false;
+      card.link.value = address;
+      card.link.select();
+      hint(`Copy the link below ${measure.name}.${needs}`, 4);
+    }
+  }
+
+  /** The form of the measure that is being edited. */
+  #updateForm(card, measure) {
+    const edits = this.measures.edited?.measure === measure;
+    if (edits !== (card.form !== null)) {
+      card.form?.remove();
+      card.form = edits ? editForm(this.measures, measure) : null;
+      card.actions.hidden = edits;
+      if (card.form) card.element.querySelector('header').after(card.form);
+    }
+    if (card.form) card.form.showPoints();
   }
 
   #fill(card, measure) {

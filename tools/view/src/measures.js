@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Measures: points that people place, and the server's results. Boundary: cut, fill and net inside;
-// section: the profile; height of a point; distance between two points.
+// section: the profile; height of a point; distance between two points. Those with a name are kept
+// by the server, and all who look have them.
 import * as api from './api.js';
 
 export const kTools = {
@@ -13,14 +14,23 @@ export const kTools = {
 };
 const kSectionPoints = 500;
 const kAgain_ms = 2000;   // shortest time between queries of live figures
+const kProgressAgain_ms = 30000, kProgressWithin_ms = 300000;   // many earlier grounds may have to be dug again
 
 export class Measures {
   tool = 'look';
   /** Points of the unfinished measure, in the world. @type {number[][]} */
   draft = [];
-  /** @type {{id: number, letter: string, kind: string, points: number[][], values: ?Object, error: ?string, old: boolean}[]} */
+  /** Shown. `kept` is the server's number of a measure with a name.
+   * @type {{id: number, letter: string, kind: string, points: number[][], values: ?Object, error: ?string, old: boolean, kept: ?number, name: string, progress: ?Object}[]} */
   list = [];
+  /** All with a name. @type {{id: number, kind: string, name: string, points: number[][]}[]} */
+  named = [];
+  mayChange = false;
+  hasNamed = false;   // before the server has sent them
+  /** The measure whose points and name are being edited, and its points before. @type {?{measure: Object, before: number[][], moved: boolean}} */
+  edited = null;
   #letters = 0;
+  #ids = 0;
   #queried = 0;
   #stale = false;
 
@@ -57,16 +67,121 @@ export class Measures {
     if (this.tool === 'look' || this.draft.length < kTools[this.tool].least) return false;
     const number = this.#letters++;
     const letter = String.fromCharCode(65 + (number % 26)) + (number >= 26 ? Math.floor(number / 26) : '');
-    const measure = {id: number, letter, kind: this.tool, points: this.draft, values: null, error: null, old: false};
-    this.list.unshift(measure);
+    this.#show({letter, kind: this.tool, points: this.draft});
     this.draft = [];
-    this.#ask(measure);
     this.changed();
     return true;
   }
 
+  #show(of) {
+    const measure = {id: this.#ids++, letter: '', kept: null, name: '', values: null, error: null, old: false, progress: null, ...of};
+    this.list.unshift(measure);
+    this.#ask(measure);
+    return measure;
+  }
+
+  /** Shows it no longer. One with a name stays on the server. */
   remove(id) {
+    if (this.edited?.measure.id === id) this.edited = null;
     this.list = this.list.filter((m) => m.id !== id);
+    this.changed();
+  }
+
+  /** The server's list. */
+  takeNamed({measures, may_change: mayChange, link_token: linkToken}) {
+    Object.assign(this, {named: measures, mayChange, linkToken, hasNamed: true});
+    for (const measure of this.list.filter((m) => m.kept !== null)) {
+      const now = measures.find((m) => m.id === measure.kept);
+      if (!now) this.remove(measure.id);
+      else this.#renew(measure, now);
+    }
+    this.changed();
+  }
+
+  #renew(measure, {name, points}) {
+    measure.name = name;
+    const edits = this.edited?.measure === measure, old = edits ? this.edited.before : measure.points;
+    if (old.length === points.length && old.every((p, i) => p[0] === points[i][0] && p[1] === points[i][1])) return;
+    if (edits) this.edited.before = points;   // what is being edited stays as it is
+    else this.move(measure, points);
+  }
+
+  /** Shows a measure with a name. @return {?Object} null if there is none with this number */
+  open(number) {
+    const shown = this.list.find((m) => m.kept === number), of = this.named.find((m) => m.id === number);
+    if (shown || !of) return shown ?? null;
+    const measure = this.#show({kind: of.kind, points: of.points, kept: of.id, name: of.name});
+    this.changed();
+    return measure;
+  }
+
+  edit(measure) {
+    this.cancelEdit();
+    this.edited = {measure, before: measure.points, moved: false};
+    this.changed();
+  }
+
+  cancelEdit() {
+    if (!this.edited) return;
+    const {measure, before} = this.edited;
+    this.edited = null;
+    if (measure.points !== before) this.move(measure, before);
+    this.changed();
+  }
+
+  /** @param {boolean} ask for its figures, too */
+  move(measure, points, ask = true) {
+    if (this.edited?.measure === measure) this.edited.moved = true;
+    measure.points = points;
+    measure.progress = null;
+    measure.old = true;
+    if (ask) this.#ask(measure);
+    this.changed();
+  }
+
+  /** Keeps what was edited. A measure without a name stays on this page only. */
+  async endEdit(name) {
+    const {measure, moved} = this.edited, points = measure.points.map((p) => [p[0], p[1]]);
+    if (measure.kept !== null) {
+      await api.postJson('/measures', {change: {id: measure.kept, name, ...(moved ? {points} : {})}});
+    } else if (name) {
+      measure.kept = (await api.postJson('/measures', {add: {kind: measure.kind, name, points}})).id;
+    }
+    const before = this.edited?.before;
+    Object.assign(measure, {name});
+    this.edited = null;
+    if (!moved && before && before !== measure.points) this.move(measure, before);   // somebody else moved it
+    this.changed();
+  }
+
+  /** Removes a measure with a name for all who look. */
+  async discard(measure) {
+    await api.postJson('/measures', {remove: measure.kept});
+    this.remove(measure.id);
+  }
+
+  /** The address of the page with this measure. */
+  link(measure) {
+    const url = new URL(location.href), hash = new URLSearchParams({measure: measure.kept});
+    if (this.linkToken) hash.set('token', this.linkToken);
+    url.hash = hash;
+    return url.href;
+  }
+
+  /** Asks how far an area is, unless the answer is new enough. */
+  async askProgress(measure) {
+    const {progress} = measure;
+    if (progress?.asking || performance.now() - (progress?.asked ?? -Infinity) < kProgressAgain_ms) return;
+    const mine = (measure.progress = {...progress, asking: true, asked: performance.now()});
+    let answer;
+    try {
+      const [area] = (await api.getJson('/progress', {measure: measure.kept}, kProgressWithin_ms)).areas;
+      answer = {area, error: area.error ?? null};
+    } catch (error) {
+      answer = {area: null, error: error.message};
+    }
+    if (measure.progress !== mine) return;   // its points were moved
+    measure.progress = {...mine, ...answer, asking: false};
     this.changed();
   }
 

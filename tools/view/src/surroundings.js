@@ -7,7 +7,7 @@ import * as format from './format.js';
 
 const kDownloads = [
   ['machines.csv', 'Machines', 'CSV'], ['surface.tif', 'Surface', 'GeoTIFF'], ['soil.vdb', 'Ground', 'OpenVDB'],
-  ['mesh.glb', 'Mesh', 'GLB'], ['summary.json', 'Summary', 'JSON'],
+  ['mesh.glb', 'Mesh', 'GLB'], ['summary.json', 'Summary', 'JSON'], ['measures.csv', 'Measures', 'CSV'],
 ];
 
 /** @param {'wait'|'live'|'past'|'lost'} state @param {string} text @param {string} time shown */
@@ -73,6 +73,7 @@ export function startDownloads(timeShown) {
     const time = timeShown();
     $('download-list').replaceChildren(...kDownloads.map(([file, name, kind]) =>
       h('a', {href: address(`/${file}`, {time}), download: file}, name, h('small', {}, `${kind}, ${file}`))),
+      h('a', {href: address('/measures.geojson'), download: 'measures.geojson'}, 'Measures', h('small', {}, 'GeoJSON, with names')),
       h('a', {href: address('/report'), target: '_blank'}, 'Report', h('small', {}, 'page to print, CSV')),
       h('p', {}, time === null ? 'As of now.' : `As of ${format.time(time)}.`));
   });

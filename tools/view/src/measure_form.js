@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The form that edits a measure: its name and its points, which are dragged in the picture, too.
+import {h} from './dom.js';
+
+const kAxes = ['E', 'N'];
+
+/**
+ * @param {import('./measures.js').Measures} measures @param {Object} measure that is being edited
+ * @return {HTMLFormElement} its showPoints() takes over the measure's points
+ */
+export function editForm(measures, measure) {
+  const name = h('input', {class: 'field', type: 'text', maxlength: 80, required: true, value: measure.name, autocomplete: 'off', 'aria-label': 'Name', placeholder: 'Name'});
+  const points = h('div', {class: 'points'}), error = h('p', {class: 'error', role: 'alert', hidden: true});
+  const save = h('button', {class: 'button main', type: 'submit'}, 'Save');
+  const removal = h('button', {class: 'button', type: 'button'}, 'Delete');
+  const form = h('form', {class: 'edit'}, name,
+    h('details', {}, h('summary', {}, 'Points: drag them, or type coordinates, m'), points), error,
+    h('div', {class: 'buttons'}, save, h('button', {class: 'button', type: 'button', onclick: () => measures.cancelEdit()}, 'Cancel'), h('span', {class: 'grow'}),
+      measure.kept === null ? null : removal));
+  const attempt = async (act) => {
+    error.hidden = true;
+    save.disabled = true;
+    try {
+      await act();
+    } catch (reason) {
+      error.textContent = reason.message;
+      error.hidden = false;
+    }
+    save.disabled = false;
+  };
+  form.addEventListener('submit', (event) => {
+    event.preventDefault();
+    attempt(() => measures.endEdit(name.value.trim()));
+  });
+  form.addEventListener('keydown', (event) => {
+    if (event.key === 'Escape') measures.cancelEdit();
+  });
+  removal.addEventListener('click', () => {
+    if (!removal.dataset.asked) {   // others lose it, too
+      removal.dataset.asked = 'yes';
+      removal.textContent = 'Delete for all';
+      return;
+    }
+    attempt(() => measures.discard(measure));
+  });
+
+  const place = (i, axis, field) => {
+    const value = Number(field.value.replace(',', '.'));
+    const valid = field.value.trim() !== '' && Number.isFinite(value);
+    field.setCustomValidity(valid ? '' : 'A coordinate is a number of metres');
+    if (!valid) return;
+    measures.move(measure, measure.points.map((p, k) => (k === i ? [axis === 0 ? value : p[0], axis === 1 ? value : p[1]] : p)));
+  };
+  let shown = null;
+  form.showPoints = () => {
+    if (shown === measure.points) return;
+    shown = measure.points;
+    if (points.childElementCount !== shown.length + 1) {
+      points.replaceChildren(h('div', {class: 'axes', 'aria-hidden': 'true'}, h('span', {}), ...kAxes.map((axis) => h('span', {}, axis))), ...shown.map((p, i) => h('label', {}, h('span', {}, String(i + 1)), ...kAxes.map((axis, k) =>
+        h('input', {class: 'field', inputmode: 'decimal', 'aria-label': `${axis} of point ${i + 1}`, onchange: (event) => place(i, k, event.target)})))));
+    }
+    shown.forEach((p, i) => {
+      points.children[i + 1].querySelectorAll('input').forEach((field, k) => { field.value = p[k].toFixed(3); });
+    });
+  };
+  return form;
+}
