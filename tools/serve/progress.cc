@@ -17,7 +17,7 @@ using ProgressJson = nlohmann::ordered_json;
 /// Apart so that coarser ones are among finer ones: what was looked at is looked at once.
 constexpr double kSteps_s[] = {1,    5,        15,    60,        300,        900,
                                3600, 4 * 3600, 86400, 7 * 86400, 28 * 86400, 364 * 86400};
-constexpr double kMostSamples = 60;
+constexpr double kMostSamples = 60, kMostDugAgain = 12, kMostDugAgain_s = 600;
 constexpr std::size_t kMostKept = 100'000;
 constexpr double kHourOfWork_s = 3600, kDayOfWork_s = 86400;
 /// The rate is that of so much work; more would tell of other days, less of a few loads.
@@ -28,18 +28,31 @@ constexpr double kMostDays = 7, kFarthestEnd_s = 5 * 365 * kDayOfWork_s;
 /// Mean of what is left where the design is reached, as surveys of earthworks know it.
 constexpr double kReached_m = 0.01;
 
-std::vector<double> grid_between(double from_s, double to_s, double known_s) {
-  double step_s = kSteps_s[std::size(kSteps_s) - 1];
-  for (const double candidate_s : kSteps_s)
-    if ((to_s - from_s) / candidate_s <= kMostSamples) {
-      step_s = candidate_s;
-      break;
-    }
-  std::vector<double> grid;
-  // An update at the last recorded time may be followed by others of that time.
-  for (double k = std::floor(from_s / step_s) + 1; k * step_s < std::min(to_s, known_s); ++k)
-    grid.push_back(k * step_s);
-  return grid;
+/// Step of the finest grid with so many times at most.
+double step_of(double span_s, double most) {
+  for (const double step_s : kSteps_s)
+    if (span_s / step_s <= most) return step_s;
+  return kSteps_s[std::size(kSteps_s) - 1];
+}
+
+/// Times of earlier grounds: of snapshots, and of few others, because they are dug again.
+/// @param known_s an update at the last recorded time may be followed by others of that time
+std::vector<double> times_between(double from_s, double to_s, double known_s,
+                                  const std::vector<double>& snapshots_s) {
+  const double step_s = step_of(to_s - from_s, kMostSamples);
+  const double dug_step_s = step_of(to_s - from_s, kMostDugAgain);
+  std::vector<double> times_s;
+  for (double k = std::floor(from_s / step_s) + 1; k * step_s < std::min(to_s, known_s); ++k) {
+    const double time_s = k * step_s;
+    const auto later = std::upper_bound(snapshots_s.begin(), snapshots_s.end(), time_s);
+    const double before_s =
+        later == snapshots_s.begin() ? from_s : std::max(from_s, *std::prev(later));
+    if (before_s > time_s - step_s && before_s > from_s)
+      times_s.push_back(before_s);
+    else if (std::fmod(time_s, dug_step_s) == 0 && time_s - before_s <= kMostDugAgain_s)
+      times_s.push_back(time_s);
+  }
+  return times_s;
 }
 
 Remaining of_design(const ToDesign& left) { return {left.cut_m3, left.fill_m3}; }
@@ -58,10 +71,8 @@ ProgressQuery::ProgressQuery(const LiveSite& site, std::vector<Measure> areas,
       changes_(site.changes_of_past()) {
   if (!design_)
     throw std::invalid_argument("there is no design; soilvdb serve takes one by --design");
-  if (!from_s_ || areas_.empty()) return;
-  const double to_s = site.time_s().value_or(*from_s_);
-  const double known_s = site.recorded() ? site.session().acknowledged().time_s : to_s;
-  grid_s_ = grid_between(*from_s_, to_s, known_s);
+  to_s_ = site.time_s();
+  known_s_ = site.recorded() ? site.session().acknowledged().time_s : to_s_.value_or(0);
 }
 
 std::optional<Remaining> ProgressQuery::remaining(GroundView& ground, const Measure& area) const {
@@ -73,9 +84,15 @@ std::optional<Remaining> ProgressQuery::remaining(GroundView& ground, const Meas
 bool ProgressQuery::step(History& history, ProgressSamples& samples, std::uint64_t changes) {
   const bool changed = std::exchange(samples.changes, changes) != changes;
   if (changed || samples.at.size() > kMostKept) samples.at.clear();
-  if (std::exchange(changes_, changes) != changes) found_.clear();
+  if (std::exchange(changes_, changes) != changes) planned_ = false;
+  if (!std::exchange(planned_, true)) {
+    found_.clear();
+    earlier_s_.clear();
+    if (from_s_ && to_s_)
+      earlier_s_ = times_between(*from_s_, *to_s_, known_s_, history.times().snapshots_s);
+  }
   bool looked = false;
-  for (const double time_s : grid_s_) {
+  for (const double time_s : earlier_s_) {
     std::optional<GroundView> ground;
     for (const Measure& area : areas_) {
       const std::pair key(time_s, area.shape);
@@ -117,7 +134,7 @@ void ProgressQuery::finish(GroundView& live) {
         if (from_s_ && to_s_) {
           progress.times_s.push_back(*from_s_);
           progress.at.push_back(progress.start);
-          for (const double time_s : grid_s_) {
+          for (const double time_s : earlier_s_) {
             progress.times_s.push_back(time_s);
             progress.at.push_back(found_[{time_s, area.shape}]);
           }

@@ -72,8 +72,10 @@ class ProgressQuery {
 
   std::vector<Measure> areas_;
   std::shared_ptr<const InitialTerrain> design_;
-  std::vector<double> grid_s_;
+  bool planned_ = false;
+  std::vector<double> earlier_s_;
   std::optional<double> from_s_, to_s_;
+  double known_s_ = 0;  ///< up to which the past is on disk
   std::uint64_t changes_;
   std::map<std::pair<double, std::uint64_t>, Remaining> found_;
   std::optional<WorkLog> log_;
