@@ -700,7 +700,6 @@ test('a measure with a name is seen by all, moved, asked for its progress, share
     await office.keyboard.press('b');
     for (const corner of [[-0.5, -0.5], [1.5, -0.5], [1.5, 0.5], [-0.5, 0.5]]) await site.clickAt(office, corner);
     await office.keyboard.press('Enter');
-    await office.keyboard.press('v');
     await office.getByText('Name and keep').click();
     await office.keyboard.type('  Pit <A> ');
     await office.keyboard.press('Enter');

@@ -285,6 +285,10 @@ test('numbers have three digits, at most three decimals, units and a minus sign'
   assert.equal(plain(format.volume(9.9996)), '10.0 m³');
   assert.equal(plain(format.volume(123456)), '123 000 m³');
   assert.equal(plain(format.signedVolume(-4.655)), '\u22124.66 m³');
+  assert.equal(plain(format.rate(16.63)), '16.6 m³/h');
+  assert.equal(plain(format.rate(-2)), '\u22122.00 m³/h');
+  assert.equal(format.rate(null), '–');
+  assert.deepEqual([0.25, 3.876].map((h) => plain(format.hours(h))), ['15 min', '3.88 h']);
   assert.equal(plain(format.length(-0.465)), '\u221246.5 cm');
   assert.equal(plain(format.mass(12345)), '12.3 t');
   assert.equal(plain(format.coordinate(5403639.256)), '5 403 639.26');

@@ -47,7 +47,7 @@ Measure::Kind kind_of(const nlohmann::json& json) {
   throw std::invalid_argument("'kind' must be boundary, section, height or distance");
 }
 
-std::string name_of(const nlohmann::json& json) {
+std::string measure_name(const nlohmann::json& json) {
   std::string name = json.is_string() ? json.get<std::string>() : "";
   name.erase(0, name.find_first_not_of(' '));
   name.erase(name.find_last_not_of(' ') + 1);
@@ -146,7 +146,7 @@ Measures::Measures(fs::path file) : file_(std::move(file)) {
     for (const nlohmann::json& one : json.at("measures")) {
       require_keys(one, {"id", "kind", "name", "points"});
       const Measure::Kind kind = kind_of(one.at("kind"));
-      Measure measure{id_of(one.at("id")), kind, name_of(one.at("name")),
+      Measure measure{id_of(one.at("id")), kind, measure_name(one.at("name")),
                       points_of(one.at("points"), kind), ++shapes_};
       require_own_name(all_, measure);
       if (measure.id >= next_) throw std::invalid_argument("'next' must be larger than every id");
@@ -201,7 +201,8 @@ OrderedJson Measures::change(std::string_view text) {
   require_keys(given, {key, "name", "points"});
   Measure measure = adds ? Measure{next_, kind_of(given.value("kind", nlohmann::json()))}
                          : find(id_of(given.value("id", nlohmann::json())));
-  if (adds || given.contains("name")) measure.name = name_of(given.value("name", nlohmann::json()));
+  if (adds || given.contains("name"))
+    measure.name = measure_name(given.value("name", nlohmann::json()));
   if (adds || given.contains("points")) {
     measure.points = points_of(given.value("points", nlohmann::json()), measure.kind);
     measure.shape = ++shapes_;

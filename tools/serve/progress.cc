@@ -58,7 +58,7 @@ std::vector<double> times_between(double from_s, double to_s, double known_s,
 Remaining of_design(const ToDesign& left) { return {left.cut_m3, left.fill_m3}; }
 
 std::string hours_text(double hours) {
-  return hours < 1 ? fmt::format("{:.0f} min", 60 * hours) : fmt::format("{:.3g} h", hours);
+  return hours < 1 ? fmt::format("{:.0f} min", 60 * hours) : fmt::format("{:.2g} h", hours);
 }
 
 }  // namespace

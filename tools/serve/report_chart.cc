@@ -90,6 +90,26 @@ void merge_periods(std::vector<ChartSeries>& series, std::vector<double>& ends_s
   ends_s = std::move(ends);
 }
 
+/// @param named_s times on the axis
+std::string lines_of(const std::vector<ChartSeries>& series, const std::vector<double>& times_s,
+                     const std::vector<double>& named_s, const ChartTicks& ticks) {
+  double largest = 0;
+  for (const ChartSeries& of : series)
+    for (const double value : of.values) largest = std::max(largest, value);
+  const ChartAxes axes(largest, times_s);
+  std::string out = axes.svg(named_s, ticks);
+  for (std::size_t k = 0; k < series.size(); ++k) {
+    std::string way;
+    for (std::size_t i = 0; i < series[k].values.size(); ++i)
+      way += fmt::format("{}{:.1f} {:.1f}", i == 0 ? 'M' : 'L', axes.x(times_s[i]),
+                         axes.y(series[k].values[i]));
+    out += fmt::format(
+        "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-linejoin=\"round\"/>",
+        way, colour_of(k));
+  }
+  return framed(out, series);
+}
+
 }  // namespace
 
 std::string html_text(std::string_view text) {
@@ -152,21 +172,8 @@ std::string bar_chart(std::vector<ChartSeries> series, std::vector<double> ends_
 
 std::string value_chart(const std::vector<ChartSeries>& series, const std::vector<double>& times_s,
                         const ChartTicks& ticks) {
-  double largest = 0;
-  for (const ChartSeries& of : series)
-    for (const double value : of.values) largest = std::max(largest, value);
-  const ChartAxes axes(largest, times_s);
-  std::string out = axes.svg(times_s, ticks);
-  for (std::size_t k = 0; k < series.size(); ++k) {
-    std::string way;
-    for (std::size_t i = 0; i < series[k].values.size(); ++i)
-      way += fmt::format("{}{:.1f} {:.1f}", i == 0 ? 'M' : 'L', axes.x(times_s[i]),
-                         axes.y(series[k].values[i]));
-    out += fmt::format(
-        "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-linejoin=\"round\"/>",
-        way, colour_of(k));
-  }
-  return framed(out, series);
+  const double from_s = times_s.front(), to_s = times_s.back();
+  return lines_of(series, times_s, {from_s, (from_s + to_s) / 2, to_s}, ticks);
 }
 
 std::string line_chart(std::vector<ChartSeries> series, const std::vector<double>& ends_s,
@@ -176,7 +183,7 @@ std::string line_chart(std::vector<ChartSeries> series, const std::vector<double
     for (double& value : of.values) value = sum += value;
     of.values.insert(of.values.begin(), 0);
   }
-  return value_chart(series, ends_s, ticks);
+  return lines_of(series, ends_s, ends_s, ticks);
 }
 
 }  // namespace soilvdb::tools

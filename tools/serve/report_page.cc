@@ -279,7 +279,7 @@ std::string report_page(const Report& report, const std::string& token) {
   if (periods.empty()) html += "<p>There are no states with times yet.</p>\n";
   if (!periods.empty()) html += charts_of(report, text);
   html += progress_html(
-      report, [&](double time_s) { return text.tick(time_s); },
+      report, [&](double time_s) { return text.time(time_s, true); },
       [&](double time_s) { return text.moment(time_s); }, text.volume_unit());
   std::vector<ReportLine> lines;
   for (std::size_t i = 0; i < report.names().size(); ++i)

@@ -197,7 +197,10 @@ Bytes ServerState::measures_message(Role role) const {
 
 Json ServerState::change_measures(const std::string& change) {
   Json answer = measures.change(change);
-  for (Viewer* viewer : viewers) viewer->measures_changed();
+  const Bytes of_viewers = measures_message(Role::kViewer);
+  const Bytes of_feeders = measures_message(Role::kFeeder);
+  for (Viewer* viewer : viewers)
+    viewer->tell_measures(viewer->role() == Role::kFeeder ? of_feeders : of_viewers);
   return answer;
 }
 

@@ -55,8 +55,8 @@ void Viewer::tell(const Bytes& text) {
   go_on();
 }
 
-void Viewer::measures_changed() {
-  told_measures_ = state_.measures_message(role_);
+void Viewer::tell_measures(const Bytes& measures) {
+  told_measures_ = measures;
   go_on();
 }
 

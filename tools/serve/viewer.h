@@ -32,7 +32,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   /// State of the machines; only the newest is sent.
   void tell_state(const Bytes& state) { told_ = state; }
   /// Sends the named measures; only the newest list is sent.
-  void measures_changed();
+  void tell_measures(const Bytes& measures);
+  Role role() const { return role_; }
   /// Did it ask for forces, and looks at the live machines?
   bool wants_live_forces() const { return wants_force_ && !past_; }
   /// Forces on the live buckets; only the newest are sent.

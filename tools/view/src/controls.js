@@ -43,8 +43,8 @@ export class Controls {
 
   /** @param {boolean} byKeys then the cross in the middle places points */
   choose(tool, byKeys = false) {
-    this.measures.choose(tool);
     $('stage').dataset.tool = tool;
+    this.measures.choose(tool);
     for (const button of this.buttons) {
       button.setAttribute('aria-checked', String(button.dataset.tool === tool));
       button.tabIndex = 0;
@@ -57,6 +57,7 @@ export class Controls {
   /** Buttons to undo and end an unfinished measure. */
   showDraft() {
     const {draft, tool} = this.measures, {least, most} = kTools[tool];
+    if ($('stage').dataset.tool !== tool) return this.choose(tool);
     $('draft').hidden = draft.length === 0;
     $('done').hidden = most !== undefined;
     $('done').disabled = draft.length < least;

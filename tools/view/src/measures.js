@@ -118,6 +118,8 @@ export class Measures {
   edit(measure) {
     this.cancelEdit();
     this.edited = {measure, before: measure.points, moved: false};
+    this.tool = 'look';   // so that clicks take its points
+    this.draft = [];
     this.changed();
   }
 
