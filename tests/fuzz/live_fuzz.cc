@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What reaches a live site: lines of a feed, behind "GET " addresses, and behind "machines " and
-// "hoppers " changes of these lists.
+// What reaches a live site: lines of a feed, behind "GET " addresses, and behind "machines ",
+// "hoppers " and "measures " changes of these lists.
 #include <algorithm>
 #include <cstddef>
 #include <nlohmann/json.hpp>
@@ -13,6 +13,7 @@
 #include "tests/fuzz/fuzz.h"
 #include "tools/serve/feed_lines.h"
 #include "tools/serve/live_site.h"
+#include "tools/serve/measures.h"
 #include "tools/serve/target.h"
 
 using namespace soilvdb;
@@ -73,6 +74,21 @@ void change(tools::LiveSite& live, const std::string& list, std::string_view tex
                 "each machine has a feed");
 }
 
+void change(tools::Measures& measures, std::string_view text) {
+  const nlohmann::ordered_json before = measures.json();
+  try {
+    const nlohmann::ordered_json answer = measures.change(text);
+    fuzz::require(measures.json() != before || answer.contains("id"), "a change has an answer");
+  } catch (const std::exception& e) {
+    fuzz::require(measures.json() == before, "what is refused changes nothing");
+    fuzz::require(std::string_view(e.what()).find('\n') == std::string_view::npos, "it is a line");
+  }
+  const nlohmann::ordered_json map = measures.geojson("");
+  fuzz::require(map["features"].size() == measures.all().size(), "all are on the map");
+  for (const nlohmann::ordered_json& feature : map["features"])
+    fuzz::require(!feature["properties"]["name"].get<std::string>().empty(), "all have names");
+}
+
 /// Feeds lines as a message does.
 void feed_all(tools::LiveSite& live, std::string text) {
   std::ptrdiff_t fed = 0;
@@ -95,6 +111,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   tools::LiveSite live(start.clone(), "site");
   const std::string text(reinterpret_cast<const char*>(data), std::min<std::size_t>(size, 4096));
   std::string lines;
+  tools::Measures measures({});
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
     const std::string line = text.substr(at, end - at);
@@ -103,6 +120,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const std::string list = line.substr(0, blank);
     if (list == "machines" || list == "hoppers") {
       if (blank != line.npos) change(live, list, std::string_view(line).substr(blank + 1));
+    } else if (list == "measures") {
+      if (blank != line.npos) change(measures, std::string_view(line).substr(blank + 1));
     } else if (!line.starts_with("GET ")) {
       lines += line + '\n';
     } else if (const auto target = tools::parse_target(line.substr(4))) {
