@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <fstream>
 
+#include "io/file/file_part.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -19,7 +20,8 @@ std::uint32_t crc32(std::string_view bytes, std::uint32_t before) {
   return lzma_crc32(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before);
 }
 
-std::string file_fingerprint(const std::filesystem::path& file, bool whole) {
+std::string file_fingerprint(const std::filesystem::path& path, bool whole) {
+  const std::filesystem::path file = file_part(path).file;
   constexpr std::uint64_t kBlock = 64 * 1024, kBlocks = 64;
   check_readable(file);
   const std::uint64_t size = std::filesystem::file_size(file);

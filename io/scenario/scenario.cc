@@ -10,6 +10,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "io/file/file_part.h"
 #include "io/file/text.h"
 #include "io/motion/mcap_files.h"
 #include "io/scenario/earthmoving.h"
@@ -54,7 +55,7 @@ std::string read_name(const YamlMap& scenario, const std::filesystem::path& file
 std::filesystem::path read_path(const YamlMap& map, const std::string& key) {
   const auto path = map.path(key);
   try {
-    check_readable(path);
+    check_readable(file_part(path).file);
   } catch (const InputError& e) {
     map.fail(key, fmt::format("{}: {}", key, e.what()));
   }

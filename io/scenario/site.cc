@@ -11,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include "io/file/file_part.h"
 #include "io/file/text.h"
 #include "io/scenario/workspace.h"
 #include "soilvdb/io/checksum.h"
@@ -24,10 +25,12 @@ namespace {
 
 /// The absolute path without resolved links, which may later lead elsewhere. Links are resolved
 /// only if a ".." follows one.
-std::filesystem::path as_given(const std::filesystem::path& file) {
+std::filesystem::path as_given(const std::filesystem::path& path) {
   std::error_code none;
-  const std::filesystem::path plain = std::filesystem::absolute(file).lexically_normal();
-  return std::filesystem::equivalent(plain, file, none) ? plain : std::filesystem::canonical(file);
+  const auto [file, part] = file_part(path);
+  std::filesystem::path plain = std::filesystem::absolute(file).lexically_normal();
+  if (!std::filesystem::equivalent(plain, file, none)) plain = std::filesystem::canonical(file);
+  return part.empty() ? plain : std::filesystem::path(plain.string() + "#" + part);
 }
 
 constexpr double kSameSize = 1e-9;  // relative: equal after a round trip through text

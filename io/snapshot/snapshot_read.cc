@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/ground/ground_writer.h"
+#include "io/file/file_part.h"
 #include "io/file/text.h"
 #include "io/snapshot/snapshot_chain.h"
 #include "io/snapshot/snapshot_format.h"
@@ -35,7 +36,7 @@ std::filesystem::path find_base(const std::filesystem::path& snapshot, const Met
   fs::path other;  // a file of that name with other content
   const fs::path here = beside(fs::absolute(snapshot).lexically_normal());
   for (const fs::path& file : {here, beside(fs::weakly_canonical(snapshot, none)), then}) {
-    if (!fs::is_regular_file(file, none)) continue;
+    if (!fs::is_regular_file(file_part(file).file, none)) continue;
     if (file_fingerprint(file, whole) == checksum) return file;
     if (other.empty()) other = file;
   }

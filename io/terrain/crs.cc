@@ -242,6 +242,39 @@ std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs s
                       advice.file().string(), printable(vertical_unit))};
 }
 
+std::string metre_crs(const std::filesystem::path& file, const std::string& epsg,
+                      const std::string& wkt, double unit_m, const std::string& unit,
+                      const Vec2& centre_m) {
+  OwnSrs srs(gdal().OSRNewSpatialReference(nullptr));
+  const std::string digits = epsg.substr(epsg.find(':') + 1);  // all without a colon
+  const auto code = parsed<int>(digits);
+  if (!code || gdal().OSRImportFromEPSG(srs.get(), *code) != OGRERR_NONE) srs = srs_of(wkt);
+  if (!srs || wkt_of(srs.get()).empty()) return "";
+  const std::string label = label_of(srs.get());
+  if (!gdal().OSRIsProjected(srs.get()))
+    throw InputError(file, fmt::format("has coordinates in {}, which is no map's CRS; export the "
+                                       "surface in a projected CRS, such as EPSG:32632",
+                                       label));
+  char* name = nullptr;  // the CRS's
+  const double length_m = gdal().OSRGetLinearUnits(srs.get(), &name);
+  if (std::abs(length_m - unit_m) > 1e-9 * unit_m)
+    throw InputError(file, fmt::format("has coordinates in '{}', but the unit of its CRS {} is "
+                                       "'{}'; export the surface in that unit",
+                                       printable(unit.empty() ? "meter" : unit), label,
+                                       printable(name != nullptr ? name : "")));
+  if (!is_metre(length_m)) gdal().OSRSetLinearUnitsAndUpdateParameters(srs.get(), "metre", 1);
+  if (gdal().OSRIsCompound(srs.get()) &&
+      !is_metre(gdal().OSRGetTargetLinearUnits(srs.get(), "COMPD_CS|VERT_CS", nullptr)))
+    gdal().OSRStripVertical(srs.get());
+  const std::optional<double> area = ground_area(srs.get(), centre_m);
+  if (area && std::abs(*area - 1) > kMostAreaOff)
+    throw InputError(file, fmt::format("has coordinates in {}, of which 1 m is {:.4g} m on the "
+                                       "ground here; export the surface in a CRS true to scale, "
+                                       "such as that of its UTM zone",
+                                       label, std::sqrt(*area)));
+  return wkt_of(srs.get());
+}
+
 bool names_height_unit(Srs srs, const std::string& vertical_unit) {
   return height_unit(srs, vertical_unit).known;
 }

@@ -3,6 +3,7 @@
 // Coordinate reference systems: which ones a site can have, and conversions from others.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,15 @@ bool names_height_unit(Srs srs, const std::string& vertical_unit);
 ///        metres on the ground (areas within 1.25 %).
 void require_metres(const RasterAdvice& advice, Srs srs, const Vec2& centre,
                     const std::string& vertical_unit);
+
+/// WKT 2 of a CRS whose coordinates a design file gives in a unit of length: in metres, as the
+/// file's coordinates become. Empty if the CRS isn't known.
+/// @param epsg a code, also with "EPSG:" before it; may be empty @param wkt may be empty
+/// @param centre_m middle of the surface
+/// @throw InputError for a CRS in degrees, in another unit, or not true to scale
+std::string metre_crs(const std::filesystem::path& file, const std::string& epsg,
+                      const std::string& wkt, double unit_m, const std::string& unit,
+                      const Vec2& centre_m);
 
 /// A CRS as WKT 2; empty if it has none.
 std::string wkt_of(Srs srs);

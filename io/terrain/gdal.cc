@@ -22,6 +22,7 @@ GdalFunctions load() {
 #undef SOILVDB_GDAL_FUNCTION
   for (const char* driver : kDrivers)
     library.function<void (*)()>(std::string("GDALRegister_") + driver)();
+  library.function<void (*)()>("RegisterOGRDXF")();
   return gdal;
 }
 

@@ -7,6 +7,7 @@
 #include <cpl_error.h>
 #include <cpl_vsi.h>
 #include <gdal.h>
+#include <ogr_api.h>
 #include <ogr_srs_api.h>
 
 #include <filesystem>
@@ -32,6 +33,11 @@ namespace soilvdb::inline v0::io {
   F(OSRExportToWktEx) F(OSRGetAuthorityCode) F(OSRGetAuthorityName) F(OSRGetAxesCount)             \
   F(OSRGetLinearUnits) F(OSRGetName) F(OSRGetTargetLinearUnits) F(OSRImportFromEPSG)               \
   F(OSRIsCompound) F(OSRIsDerivedGeographic) F(OSRIsGeocentric) F(OSRIsGeographic)                 \
+  F(OSRIsProjected) F(OSRSetLinearUnitsAndUpdateParameters)                                        \
+  F(GDALDatasetGetLayer) F(GDALDatasetGetLayerCount) F(OGR_F_Destroy) F(OGR_F_GetFieldAsString)    \
+  F(OGR_F_GetFieldIndex) F(OGR_F_GetGeometryRef) F(OGR_G_GetGeometryCount)                         \
+  F(OGR_G_GetGeometryRef) F(OGR_G_GetGeometryType) F(OGR_G_GetPoint) F(OGR_G_GetPointCount)        \
+  F(OGR_L_GetNextFeature)                                                                          \
   F(OSRIsSameEx) F(OSRNewSpatialReference) F(OSRSetAxisMappingStrategy) F(OSRStripVertical)        \
   F(VSIFree) F(VSIGetMemFileBuffer) F(VSIUnlink)
 // clang-format on

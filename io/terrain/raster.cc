@@ -16,6 +16,7 @@
 #include "io/terrain/gdal.h"
 #include "io/terrain/gdal_heights.h"
 #include "io/terrain/raster_advice.h"
+#include "io/terrain/tin.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -207,6 +208,7 @@ void warn_of_greys(const std::filesystem::path& file, const GdalHeights& source,
 }  // namespace
 
 RasterInput open_raster(const std::filesystem::path& file) {
+  if (is_tin(file)) return open_tin(file);
   GdalMessages messages;
   auto source = std::make_shared<GdalHeights>(file, open_dataset(file, messages));
   check_is_heights(file, source->dataset());

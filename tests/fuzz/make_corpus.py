@@ -125,6 +125,47 @@ def rasters(work):
     write('raster', f'{driver.lower()}_{number}', content + out.read_bytes())
 
 
+def tins():
+  """A pit by two surfaces in LandXML, and faces of each kind in DXF; see tin_fuzz.cc."""
+  points = ['0 0 5', '0 20 5', '20 20 5', '20 0 5', '10 10 0']
+  faces = ['1 2 5', '2 3 5', '3 4 5', '4 1 5']
+
+  def surface(name):
+    return (f'<Surface name="{name}"><Definition surfType="TIN"><Pnts>'
+            + ''.join(f'<P id="{n + 1}">{p}</P>' for n, p in enumerate(points)) + '</Pnts><Faces>'
+            + ''.join(f'<F{" i=" + chr(34) + "1" + chr(34) if n == 3 else ""}>{f}</F>' for n, f in enumerate(faces))
+            + '</Faces></Definition></Surface>')
+
+  def landxml(units, crs, surfaces):
+    return ('<?xml version="1.0"?>\n<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">\n'
+            f'<Units>{units}</Units>{crs}\n<Surfaces>{surfaces}</Surfaces></LandXML>\n')
+  metric = '<Metric linearUnit="meter"/>'
+  crs = '<CoordinateSystem epsgCode="2227"/>'
+  write('tin', 'metres', '\0' + landxml(metric, '', surface('pit')))
+  write('tin', 'feet', '\0' + landxml('<Imperial linearUnit="USSurveyFoot" elevationUnit="feet"/>', crs,
+                                      surface('pit')))
+  write('tin', 'two', '\0' + landxml(metric, '', surface('pit') + surface('a &amp; b')))
+
+  def groups(*pairs):
+    return ''.join(f'{code}\n{value}\n' for code, value in pairs)
+
+  def corners(*places):
+    return [(10 * axis + 10 + n, v) for n, place in enumerate(places) for axis, v in enumerate(place)]
+
+  def vertex(place, flags, *more):
+    return [(0, 'VERTEX'), (8, 'mesh'), *corners(place), (70, flags), *more]
+  square = [(0, 0, 1), (9, 0, 2), (9, 9, 3), (0, 9, 7)]
+  header = [(0, 'SECTION'), (2, 'HEADER'), (9, '$INSUNITS'), (70, 2), (0, 'ENDSEC')]
+  three = [(0, '3DFACE'), (8, 'top'), *corners(*square[:3], square[2])]
+  four = [(0, '3DFACE'), (8, 'top'), *corners(*square)]
+  mesh = [(0, 'POLYLINE'), (8, 'mesh'), (66, 1), (70, 64), (71, 4), (72, 1),
+          *(pair for place in square for pair in vertex(place, 192)),
+          *vertex((0, 0, 0), 128, (71, 1), (72, 2), (73, 3), (74, 4)), (0, 'SEQEND')]
+  for name, entities in {'dxf_faces': three + four, 'dxf_mesh': mesh, 'dxf_both': three + mesh}.items():
+    write('tin', name, '\1' + groups(*header, (0, 'SECTION'), (2, 'ENTITIES'), *entities, (0, 'ENDSEC'),
+                                     (0, 'EOF')))
+
+
 def mcaps(work):
   """Motions by joints, poses and transforms in one file, packed in each way."""
   pose = 'time,x,y,z,qx,qy,qz,qw\n'
@@ -241,6 +282,7 @@ def main():
   with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     rasters(work)
+    tins()
     mcaps(work)
     scans(work)
     # The bucket that snapshot_fuzz.cc has, digging and in the air.

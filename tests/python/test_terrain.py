@@ -6,6 +6,7 @@ import json
 import pickle
 import subprocess
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -243,3 +244,67 @@ def test_volumes_inside_boundaries():
     with pytest.raises(ValueError, match="no ground inside the boundary"):
         on_an_island.volume([(20, 20), (21, 20), (21, 21)])
     json.dumps([whole.cut_m3, whole.error_m3])
+
+
+def triangles_of(path):
+    """The triangles of a LandXML surface, (n, 3, 3): east, north, height."""
+    root = ElementTree.parse(path).getroot()
+    space = "{http://www.landxml.org/schema/LandXML-1.2}"
+    assert root.tag == space + "LandXML"
+    places = {p.get("id"): [float(v) for v in p.text.split()] for p in root.iter(space + "P")}
+    faces = np.array([[places[i] for i in f.text.split()] for f in root.iter(space + "F")])
+    return root.find(f"{space}CoordinateSystem"), faces[..., [1, 0, 2]]
+
+
+def test_landxml_out_has_the_volume_of_the_ledger_and_is_terrain_again(tmp_path):
+    soilvdb.write_raster(tmp_path / "plain.tif", np.full((30, 30), 5, np.float32), (500000.5, 5400000.5), (1, 1))
+    subprocess.run(["gdal_translate", "-q", "-a_srs", "EPSG:25832", "plain.tif", "flat.tif"], cwd=tmp_path, check=True)
+    site = site_on(soilvdb.raster(tmp_path / "flat.tif"))
+    site.update_path(0, positions=[(500010 + 0.05 * i, 5400012 + 0.03 * i, 4.6) for i in range(100)])
+    site.write(tmp_path / "now.vdb")
+    for to, *more in (["now.xml"], ["part.xml", "--region", "500008,5400008,500018,5400018"]):
+        subprocess.run([PROGRAM, "export", "now.vdb", "--to", to, *more], cwd=tmp_path, check=True,
+                       stdout=subprocess.DEVNULL)
+    crs, faces = triangles_of(tmp_path / "now.xml")
+    assert crs.get("epsgCode") == "25832"
+    a, b, c = (faces[:, k] - faces[0, 0] * (1, 1, 0) for k in range(3))
+    areas = np.cross((b - a)[:, :2], (c - a)[:, :2]) / 2
+    assert (areas > 0).all()
+    below = (areas * (5 - faces[..., 2].mean(1))).sum()
+    volume = site.volume([(500001, 5400001), (500029, 5400001), (500029, 5400029), (500001, 5400029)])
+    assert volume.cut_m3 > 0.5
+    # Coordinates have five decimals.
+    assert below == pytest.approx(volume.cut_m3, abs=2 * areas.sum() * 1e-5)
+    again = site_on(soilvdb.raster(tmp_path / "now.xml"))
+    xy = np.random.default_rng(0).uniform((500010, 5400012), (500015, 5400015), (300, 2))
+    inside = np.isfinite(again.heights(xy))
+    assert inside.sum() > 200
+    np.testing.assert_allclose(np.mean(again.heights(xy)[inside] - site.heights(xy)[inside]), 0, atol=0.01)
+    told = subprocess.run([PROGRAM, "info", "part.xml"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    assert "surface of triangles, LandXML" in told and "EPSG:25832" in told
+
+
+def test_a_snapshot_on_triangles_is_complete(tmp_path):
+    def surface(name, top):
+        points = "".join(f'<P id="{n}">{y} {x} {z}</P>' for n, (x, y, z) in enumerate(
+            [(0, 0, top), (20, 0, top), (20, 20, top + 2), (0, 20, top + 2)]))
+        return (f'<Surface name="{name}"><Definition surfType="TIN"><Pnts>{points}</Pnts>'
+                "<Faces><F>0 1 2</F><F>0 2 3</F></Faces></Definition></Surface>")
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "site.xml").write_text(
+        '<LandXML version="1.2"><Units><Metric linearUnit="meter"/></Units><Surfaces>'
+        + surface("now", 5) + surface("then", 1) + "</Surfaces></LandXML>")
+    (tmp_path / "a" / "dig.csv").write_text("time,x,y,z,pitch\n0,8,10,6.4,0\n1,9,10,5.5,0\n3,12,10,5.5,0\n")
+    (tmp_path / "a" / "dig.yaml").write_text(
+        "soilvdb: 1\nvoxel_size: 0.1\nterrain: {raster: 'site.xml#now'}\n"
+        "machines: [{name: d, bucket: {width: 1.2, height: 0.9}, motion: dig.csv}]\n")
+    summary = soilvdb.run(tmp_path / "a" / "dig.yaml", out=tmp_path / "a" / "out")
+    # 3.6 m2 of a mouth 1.2 m wide, 0.5 m below ground that rises along y by as much as it falls.
+    assert summary["volume_m3"]["residual"] == 0 and 1.5 < summary["volume_m3"]["cut"] < 3
+    (tmp_path / "a").rename(tmp_path / "b")
+    later = site_on(soilvdb.snapshot(tmp_path / "b" / "out" / "soil_final.vdb"))
+    assert later.heights([(4, 10), (10.5, 10)]) == pytest.approx([6, 5.5], abs=0.05)
+    verified = subprocess.run([PROGRAM, "verify", "out"], cwd=tmp_path / "b", capture_output=True, text=True, check=False)
+    assert verified.returncode == 0, verified.stderr
+    with pytest.raises(ValueError, match="has 2 surfaces, 'now' and 'then'; name one, as in site.xml#now"):
+        site_on(soilvdb.raster(tmp_path / "b" / "site.xml"))

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 import soilvdb
-from live import Server
+from live import PROGRAM, Server
 
 VOXEL = 0.25
 
@@ -92,3 +92,47 @@ def test_other_coordinates_are_told(site, tmp_path, crs, said):
         told = [line for line in server.stop().splitlines() if "warning" in line]
     assert len(told) == (1 if said else 0)
     assert all(said in line for line in told)
+
+
+def cone(path, corners=90, radius=8.0, depth=3.0, middle=(118.0, 220.0), top=10.0, unit=1.0, name="pit", crs="25832"):
+    """Writes a pit in the shape of a cone as LandXML. @return its volume and the area of its rim"""
+    angles = np.arange(corners) * 2 * np.pi / corners
+    rim = np.c_[middle[0] + radius * np.cos(angles), middle[1] + radius * np.sin(angles), np.full(corners, top)]
+    points = np.vstack([rim, [*middle, top - depth]]) / unit
+    metric = '<Metric linearUnit="meter"/>' if unit == 1 else '<Imperial linearUnit="USSurveyFoot"/>'
+    path.write_text(
+        '<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">'
+        f'<Units>{metric}</Units>' + (f'<CoordinateSystem epsgCode="{crs}"/>' if crs else "")
+        + f'<Surfaces><Surface name="{name}"><Definition surfType="TIN"><Pnts>'
+        + "".join(f'<P id="{n}">{y} {x} {z}</P>' for n, (x, y, z) in enumerate(points))
+        + "</Pnts><Faces>" + "".join(f"<F>{n} {(n + 1) % corners} {corners}</F>" for n in range(corners))
+        + "</Faces></Definition></Surface></Surfaces></LandXML>")
+    area = corners / 2 * radius**2 * np.sin(2 * np.pi / corners)
+    return area * depth / 3, area
+
+
+@pytest.mark.parametrize("unit", [1.0, 1200 / 3937])
+def test_a_surface_of_triangles_is_a_design(site, tmp_path, unit):
+    volume, area = cone(tmp_path / "pit.xml", unit=unit, crs="25832" if unit == 1 else "")
+    with served(site, "pit.xml#pit") as server:
+        left = server.json(box(105, 205, 132, 235))
+        place = server.json("/height?x=114&y=220")
+        told = [line for line in server.stop().splitlines() if "warning" in line]
+    assert left["to_cut_m3"] == pytest.approx(volume, rel=2e-3) and left["to_fill_m3"] == 0
+    # Posts are 1/32 m apart, and what is between the last of them and the rim has no height.
+    assert area - 2 * np.pi * 8 / 32 * np.sqrt(2) < left["design_area_m2"] < area + 0.1
+    assert place["design_m"] == pytest.approx(10 - 3 * (1 - 4 / 8 / np.cos(np.pi / 90)), abs=0.01)
+    assert len(told) == (unit != 1) and all("and the design pit.xml#pit names none" in line for line in told)
+
+
+def test_a_design_of_several_surfaces_or_elsewhere_is_told(site, tmp_path):
+    cone(tmp_path / "far.xml", crs="25833")
+    with served(site, "far.xml") as server:
+        assert "those of the design far.xml in EPSG:25833" in server.stop()
+    text = (tmp_path / "far.xml").read_text()
+    surface = text[text.index("<Surface "):text.index("</Surfaces>")]
+    (tmp_path / "two.xml").write_text(text.replace("</Surfaces>", surface.replace("pit", "deep") + "</Surfaces>"))
+    refusal = subprocess.run([PROGRAM, "serve", site, "--port", "0", "--design", "two.xml"], cwd=tmp_path, text=True,
+                             capture_output=True, check=False)
+    assert refusal.returncode == 2 and len(refusal.stderr.splitlines()) == 1
+    assert "two.xml: has 2 surfaces, 'pit' and 'deep'; name one, as in two.xml#pit" in refusal.stderr

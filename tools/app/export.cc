@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb export: a snapshot as mesh, raster, picture, closed level set or occupancy.
+// soilvdb export: a snapshot as mesh, raster, LandXML surface, picture, closed level set or
+// occupancy.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
+#include "io/terrain/tin.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/picture.h"
 #include "soilvdb/io/snapshot.h"
@@ -48,6 +50,19 @@ void export_raster(const fs::path& to, const io::Site& site, const std::optional
   fmt::print("{}: bands surface and change, cells of {} m\n", to.string(), length_text(cell_m));
 }
 
+void export_landxml(const fs::path& to, const io::Site& site, const std::string& name,
+                    const std::optional<Box2>& region) {
+  constexpr double kMostPosts = 1e6;  // which other programs open; 100 MB
+  const Ground& ground = *site.ground;
+  Box2 box = region ? *region : io::footprint(ground, false);
+  const double cell_m = affordable_cell_m(box, ground.voxel_size_m(), kMostPosts);
+  // A border of undug ground closes the cut.
+  if (!region) box = {box.min().array() - cell_m, box.max().array() + cell_m};
+  const io::SurfaceRaster raster = io::rasterise(ground, box, cell_m);
+  io::write_landxml(to, raster.grid, raster.surface, name, site.crs_wkt);
+  fmt::print("{}: surface of posts {} m apart\n", to.string(), length_text(cell_m));
+}
+
 void export_picture(const fs::path& to, const io::Site& site, const io::SnapshotInfo& info,
                     const std::optional<Box2>& region, bool perspective) {
   const Box2 box = region ? *region : io::region_of_interest(*site.ground);
@@ -79,10 +94,12 @@ void export_vdb(const fs::path& to, const io::Site& site, const std::optional<Bo
 
 void export_file(const ExportOptions& options) {
   const std::string suffix = io::suffix_of(options.to);
-  if (!is_mesh(suffix) && suffix != ".tif" && suffix != ".png" && suffix != ".vdb")
+  if (!is_mesh(suffix) && suffix != ".tif" && suffix != ".png" && suffix != ".vdb" &&
+      suffix != ".xml")
     throw io::InputError(
-        options.to, fmt::format("the suffix '{}' is not one of .ply .obj .stl .glb .tif .png .vdb",
-                                options.to.extension().string()));
+        options.to,
+        fmt::format("the suffix '{}' is not one of .ply .obj .stl .glb .tif .xml .png .vdb",
+                    options.to.extension().string()));
   if (options.view && suffix != ".png")
     throw io::InputError(options.to, "--view is for pictures; leave it out, or give a .png");
   if (options.occupancy && suffix != ".vdb")
@@ -111,6 +128,7 @@ void export_file(const ExportOptions& options) {
   try {
     if (is_mesh(suffix)) export_mesh(options.to, site, region);
     if (suffix == ".tif") export_raster(options.to, site, region);
+    if (suffix == ".xml") export_landxml(options.to, site, info.scenario, region);
     if (suffix == ".png")
       export_picture(options.to, site, info, region, options.view == "perspective");
     if (suffix == ".vdb") export_vdb(options.to, site, region, options.occupancy);

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/file/file_part.h"
 #include "io/file/text.h"
 #include "io/scenario/underground.h"
 #include "io/terrain/raster_facts.h"
@@ -152,6 +153,25 @@ void info_raster(const fs::path& file) {
     if (reason.starts_with(file_said)) reason.remove_prefix(file_said.size());
     line("as terrain", fmt::format("not usable: {}", reason));
   }
+}
+
+void info_tin(const fs::path& file) {
+  const io::RasterInput surface = io::open_raster(file);
+  const HeightGrid& grid = surface.grid;
+  constexpr int kTile = 64;
+  const Heights heights = sample_heights(surface, kTile);
+  fmt::print("{}: surface of triangles, {}\n", file.string(), surface.driver);
+  line("extent",
+       box_text(Eigen::AlignedBox2d(
+           grid.first, grid.first + grid.spacing.cwiseProduct(Vec2(grid.nx - 1, grid.ny - 1)))));
+  line("CRS", surface.crs_wkt.empty() ? "not known" : crs_text(surface.crs_wkt));
+  line("posts", fmt::format("{} x {}, {:.3g} x {:.3g} m apart", grid.nx, grid.ny, grid.spacing.x(),
+                            grid.spacing.y()));
+  if (heights.known > 0)
+    line("heights", fmt::format("{:.2f} to {:.2f} m{}", heights.low, heights.high,
+                                heights.all ? "" : ", of evenly spread samples"));
+  line("as terrain", "usable");
+  for (const std::string& warning : surface.warnings) line("warning", warning);
 }
 
 std::string degrees_text(double rad) {
@@ -303,6 +323,7 @@ bool looks_like_scenario(const fs::path& file, const std::string& head) {
 void info(const InfoOptions& options) {
   constexpr std::string_view kVdbMagic("\x20\x42\x44\x56\0\0\0\0", 8);
   const fs::path& file = options.file;
+  if (io::is_tin(file)) return info_tin(file);
   io::check_readable(file);
   const std::string head = head_of(file);
   if (head.starts_with(kVdbMagic) || io::suffix_of(file) == ".vdb") {

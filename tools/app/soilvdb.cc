@@ -206,7 +206,9 @@ class CommandLine {
                     "play the scenario's own motions, at this multiple of their speed")
         ->type_name("X")
         ->check(number_between(1e-3, 1e4, false, "a number from 0.001 to 10000"));
-    sub->add_option("--design", serve_.design, "design surface to compare the ground with (raster)")
+    sub->add_option("--design", serve_.design,
+                    "design surface to compare the ground with: a raster, or the triangles of a "
+                    "LandXML (.xml) or DXF; one of several surfaces as FILE#NAME")
         ->type_name("FILE");
     sub->add_option("--boundary", serve_.boundary,
                     "boundary that machines must not leave: a line x,y for each corner")
@@ -225,7 +227,7 @@ class CommandLine {
 
   void add_info() {
     CLI::App* sub = app_.add_subcommand("info", "describe a file");
-    sub->add_option("FILE", info_.file, ".vdb, raster or scenario")->required();
+    sub->add_option("FILE", info_.file, ".vdb, raster, LandXML, DXF or scenario")->required();
     sub->callback([this] { command_ = [this] { info(info_); }; });
   }
 
@@ -233,8 +235,8 @@ class CommandLine {
     CLI::App* sub = app_.add_subcommand("export", "write a snapshot for other programs");
     sub->add_option("FILE", export_.file, "snapshot (.vdb)")->required();
     sub->add_option("--to", export_.to,
-                    "file to write: .ply .obj .stl .glb mesh, .tif surface and change, .png "
-                    "picture, .vdb closed level set")
+                    "file to write: .ply .obj .stl .glb mesh, .tif surface and change, .xml "
+                    "LandXML surface, .png picture, .vdb closed level set")
         ->type_name("OUT")
         ->required();
     sub->add_option("--region", export_.region, "only this part of the site, m")

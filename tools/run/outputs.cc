@@ -51,15 +51,14 @@ Eigen::AlignedBox2d parse_region(const std::string& text) {
   return {Vec2(numbers[0], numbers[1]), Vec2(numbers[2], numbers[3])};
 }
 
-double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m) {
-  constexpr double kMostCells = 25e6;
+double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m, double most_cells) {
   const auto cells = [&](double cell) {
     return (box.sizes().x() / cell + 1) * (box.sizes().y() / cell + 1);
   };
-  if (cells(cell_m) <= kMostCells) return cell_m;
+  if (cells(cell_m) <= most_cells) return cell_m;
   for (double power = std::pow(10, std::floor(std::log10(cell_m)));; power *= 10)
     for (const double digit : {1, 2, 5})
-      if (digit * power >= cell_m && cells(digit * power) <= kMostCells) return digit * power;
+      if (digit * power >= cell_m && cells(digit * power) <= most_cells) return digit * power;
 }
 
 void write_surface_raster(const fs::path& file, const Ground& ground,

@@ -14,8 +14,8 @@ namespace soilvdb::tools {
 Eigen::AlignedBox2d parse_region(const std::string& text);
 
 /// `cell_m`, or else the next of 1, 2 and 5 times a power of ten at which a raster of the box has
-/// at most 25 million cells.
-double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m);
+/// at most `most_cells` cells.
+double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m, double most_cells = 25e6);
 
 /// Writes the surface and its change against the base surface as GeoTIFF.
 /// @throw std::runtime_error naming the file and the cause, also for too many cells.

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "io/file/file_part.h"
 #include "io/file/json.h"
 #include "soilvdb/io/checksum.h"
 #include "soilvdb/version.h"
@@ -85,7 +86,7 @@ std::vector<fs::path> input_files(const io::Scenario& scenario) {
   std::vector<fs::path> files{scenario.file};
   files.insert(files.end(), scenario.inputs.begin(), scenario.inputs.end());
   if (const auto* raster = std::get_if<io::RasterTerrain>(&scenario.terrain))
-    files.push_back(raster->file);
+    files.push_back(io::file_part(raster->file).file);
   if (const auto* level_set = std::get_if<io::LevelSetTerrain>(&scenario.terrain))
     files.push_back(level_set->file);
   return files;

@@ -1,0 +1,182 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Surfaces of DXF files by GDAL: 3DFACEs and polyface meshes; a layer with faces is a surface.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "io/file/text.h"
+#include "io/terrain/gdal.h"
+#include "io/terrain/tin.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr double kFlat_m = 0.001;  // corners of a four-sided face that are this near a plane
+constexpr std::size_t kMostLayers = 1000;
+
+struct Unit {
+  int code;
+  const char* name;
+  double metres;
+};
+/// $INSUNITS of a DXF's header.
+constexpr Unit kDxfUnits[] = {
+    {1, "inch", 0.0254},  {2, "foot", 0.3048}, {4, "mm", 0.001},
+    {5, "cm", 0.01},      {6, "m", 1},         {7, "km", 1000},
+    {10, "yard", 0.9144}, {14, "dm", 0.1},     {21, "US survey foot", 1200.0 / 3937}};
+
+/// The header's unit, which GDAL doesn't tell; empty without one.
+std::optional<int> unit_code(const std::filesystem::path& file) {
+  constexpr int kMostLines = 20'000;
+  std::ifstream in(file, std::ios::binary);
+  std::string line;
+  const auto next = [&]() -> std::string_view {
+    if (!std::getline(in, line)) return {};
+    const std::size_t from = line.find_first_not_of(" \t"), to = line.find_last_not_of(" \t\r");
+    return from == line.npos ? std::string_view()
+                             : std::string_view(line).substr(from, to - from + 1);
+  };
+  for (int i = 0; i < kMostLines && in; ++i) {
+    const std::string_view word = next();
+    if (word == "ENTITIES") break;
+    if (word == "$INSUNITS" && next() == "70") return parsed<int>(next());
+  }
+  return std::nullopt;
+}
+
+struct DestroyFeature {
+  void operator()(void* feature) const { gdal().OGR_F_Destroy(feature); }
+};
+
+struct Layer {
+  std::string name;
+  Tin tin;
+  std::size_t warped = 0;  ///< faces of four corners that are not in a plane
+};
+
+class DxfReader {
+ public:
+  explicit DxfReader(const FilePart& from) : from_(from) {}
+
+  TinInput read() {
+    check_readable(from_.file);
+    GdalMessages messages;
+    const std::string path = std::filesystem::absolute(from_.file).string();
+    const char* const drivers[] = {"DXF", nullptr};
+    const GdalDataset dataset(
+        gdal().GDALOpenEx(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
+                          drivers, nullptr, nullptr));
+    if (!dataset || gdal().GDALDatasetGetLayerCount(dataset.get()) < 1)
+      throw InputError(from_.file, fmt::format("is not a readable DXF of text ({})",
+                                               messages.error_or("GDAL can't open it")));
+    const OGRLayerH entities = gdal().GDALDatasetGetLayer(dataset.get(), 0);
+    while (const std::unique_ptr<void, DestroyFeature> feature{
+        gdal().OGR_L_GetNextFeature(entities)}) {
+      const OGRGeometryH geometry = gdal().OGR_F_GetGeometryRef(feature.get());
+      if (geometry == nullptr) continue;
+      const auto text = [&](const char* field) -> std::string {
+        const int at = gdal().OGR_F_GetFieldIndex(feature.get(), field);
+        return at < 0 ? "" : gdal().OGR_F_GetFieldAsString(feature.get(), at);
+      };
+      if (text("SubClasses").find("AcDbHatch") == std::string::npos) add(text("Layer"), geometry);
+    }
+    if (!messages.error().empty())
+      throw InputError(from_.file, fmt::format("is damaged ({})", messages.error()));
+    return chosen();
+  }
+
+ private:
+  void add(const std::string& layer, OGRGeometryH geometry) {
+    const OGRwkbGeometryType type = gdal().OGR_G_GetGeometryType(geometry);
+    if (type == wkbPolygon25D) return add_face(layer, geometry);
+    if (type != wkbPolyhedralSurfaceZ && type != wkbTINZ) return;
+    for (int i = 0; i < gdal().OGR_G_GetGeometryCount(geometry); ++i)
+      add_face(layer, gdal().OGR_G_GetGeometryRef(geometry, i));
+  }
+
+  Layer& layer_of(const std::string& name) {
+    const auto is_it = [&](const Layer& layer) { return layer.name == name; };
+    // Faces of a layer mostly follow one another.
+    if (last_ < layers_.size() && is_it(layers_[last_])) return layers_[last_];
+    last_ = static_cast<std::size_t>(std::find_if(layers_.begin(), layers_.end(), is_it) -
+                                     layers_.begin());
+    if (last_ == kMostLayers) throw InputError(from_.file, "has faces on more than 1000 layers");
+    if (last_ == layers_.size()) layers_.push_back({name, {}});
+    return layers_[last_];
+  }
+
+  void add_face(const std::string& name, OGRGeometryH polygon) {
+    if (gdal().OGR_G_GetGeometryCount(polygon) != 1) return;
+    const OGRGeometryH ring = gdal().OGR_G_GetGeometryRef(polygon, 0);
+    std::vector<Vec3> corners;
+    for (int i = 0; i < gdal().OGR_G_GetPointCount(ring); ++i) {
+      Vec3 p;
+      gdal().OGR_G_GetPoint(ring, i, &p.x(), &p.y(), &p.z());
+      if (!(p.cwiseAbs().maxCoeff() <= kMaxNumber))
+        throw InputError(from_.file, "has a corner that is not a number or beyond 1e9");
+      if (corners.empty() || p != corners.back()) corners.push_back(p);
+      if (corners.size() > 5) return;
+    }
+    if (corners.size() > 1 && corners.front() == corners.back()) corners.pop_back();
+    if (corners.size() < 3 || corners.size() > 4) return;
+    Layer& layer = layer_of(name);
+    Tin& tin = layer.tin;
+    if (tin.faces.size() + 2 > kMostTinFaces || tin.points.size() + 4 > kMostTinPoints)
+      throw InputError(from_.file, "has more than 30 million corners");
+    const auto first = static_cast<std::uint32_t>(tin.points.size());
+    tin.points.insert(tin.points.end(), corners.begin(), corners.end());
+    tin.faces.push_back({first, first + 1, first + 2});
+    if (corners.size() == 3) return;
+    tin.faces.push_back({first, first + 2, first + 3});
+    const Vec3 normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
+    layer.warped += std::abs(normal.dot(corners[1] - corners[0])) > kFlat_m * normal.norm();
+  }
+
+  TinInput chosen() {
+    std::vector<std::string> names;
+    for (const Layer& layer : layers_) names.push_back(layer.name);
+    Layer& layer = layers_[choose_surface(from_, names)];
+    TinInput input{.tin = std::move(layer.tin)};
+    if (layer.warped > 0)
+      input.doubts.push_back(
+          layer.warped == 1
+              ? "a face of four corners is not flat; it is folded from its first corner to its "
+                "third"
+              : fmt::format(
+                    "{} faces of four corners are not flat; they are folded from their first "
+                    "corner to their third",
+                    layer.warped));
+    const int code = unit_code(from_.file).value_or(0);
+    const auto unit = std::find_if(std::begin(kDxfUnits), std::end(kDxfUnits),
+                                   [&](const Unit& known) { return known.code == code; });
+    if (unit != std::end(kDxfUnits)) {
+      input.unit = unit->name;
+      input.unit_m = input.height_unit_m = unit->metres;
+    } else if (code != 0) {
+      throw InputError(
+          from_.file, fmt::format("has the unit {} of $INSUNITS; 6 is metres, 2 feet, 21 US survey "
+                                  "feet",
+                                  code));
+    } else {
+      input.doubts.emplace_back("gives no unit ($INSUNITS); its coordinates are taken as metres");
+    }
+    return input;
+  }
+
+  const FilePart& from_;
+  std::vector<Layer> layers_;
+  std::size_t last_ = 0;
+};
+
+}  // namespace
+
+TinInput read_dxf(const FilePart& from) { return DxfReader(from).read(); }
+
+}  // namespace soilvdb::inline v0::io

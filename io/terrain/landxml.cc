@@ -1,0 +1,292 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// LandXML surfaces. Expat reads them as a stream, so memory is that of the triangles. A DTD is
+// refused, and with it entities of a file's own.
+#include <expat.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "io/file/text.h"
+#include "io/terrain/tin.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr std::size_t kMostDepth = 100, kMostRow_bytes = 1000, kMostSurfaces = 1000;
+constexpr XML_Index kMostToken_bytes = 1 << 20;
+
+/// Lengths by LandXML's names, m.
+constexpr std::pair<std::string_view, double> kUnits[] = {
+    {"millimeter", 0.001}, {"centimeter", 0.01}, {"meter", 1},
+    {"kilometer", 1000},   {"foot", 0.3048},     {"USSurveyFoot", 1200.0 / 3937},
+    {"inch", 0.0254},      {"mile", 1609.344}};
+
+/// The numbers of a row, apart by white space; empty if it has others than `count`, or other words.
+std::optional<std::array<double, 3>> three_numbers(std::string_view row) {
+  constexpr std::string_view kWhite = " \t\r\n";
+  std::array<double, 3> all{};
+  std::size_t count = 0;
+  for (std::size_t at = row.find_first_not_of(kWhite); at != row.npos;
+       at = row.find_first_not_of(kWhite, at)) {
+    const std::size_t end = std::min(row.find_first_of(kWhite, at), row.size());
+    const auto value = parse_number(row.substr(at, end - at));
+    if (count == all.size() || !value || !(std::abs(*value) <= kMaxNumber)) return std::nullopt;
+    all[count++] = *value;
+    at = end;
+  }
+  return count == all.size() ? std::optional(all) : std::nullopt;
+}
+
+class LandXmlReader {
+ public:
+  explicit LandXmlReader(const FilePart& from) : from_(from), parser_(XML_ParserCreate(nullptr)) {
+    if (parser_ == nullptr) throw std::bad_alloc();
+    XML_SetUserData(parser_.get(), this);
+    XML_SetElementHandler(
+        parser_.get(),
+        [](void* self, const char* name, const char** attributes) {
+          static_cast<LandXmlReader*>(self)->guard(
+              [=](LandXmlReader& reader) { reader.begin(name, attributes); });
+        },
+        [](void* self, const char*) {
+          static_cast<LandXmlReader*>(self)->guard([](LandXmlReader& reader) { reader.end(); });
+        });
+    XML_SetCharacterDataHandler(parser_.get(), [](void* self, const char* text, int size) {
+      static_cast<LandXmlReader*>(self)->guard([=](LandXmlReader& reader) {
+        reader.add({text, static_cast<std::size_t>(size)});
+      });
+    });
+    XML_SetStartDoctypeDeclHandler(
+        parser_.get(), [](void* self, const char*, const char*, const char*, int) {
+          static_cast<LandXmlReader*>(self)->guard([](LandXmlReader& reader) {
+            reader.fail("has a document type declaration, which no LandXML needs; remove it");
+          });
+        });
+  }
+
+  TinInput read() {
+    check_readable(from_.file);
+    std::ifstream in(from_.file, std::ios::binary);
+    std::vector<char> block(1 << 16);
+    XML_Index given = 0;
+    while (in) {
+      in.read(block.data(), static_cast<std::streamsize>(block.size()));
+      if (in.bad()) throw InputError(from_.file, "can't be read to its end");
+      const auto size = static_cast<int>(in.gcount());
+      given += size;
+      const bool good = XML_Parse(parser_.get(), block.data(), size, in.eof()) == XML_STATUS_OK;
+      if (problem_) std::rethrow_exception(problem_);
+      if (!good) {
+        const XML_Error error = XML_GetErrorCode(parser_.get());
+        if (error == XML_ERROR_NO_MEMORY) throw std::bad_alloc();
+        fail(fmt::format("isn't well-formed XML ({})", XML_ErrorString(error)));
+      }
+      // A token that isn't complete is kept, and read again with each block.
+      if (given - XML_GetCurrentByteIndex(parser_.get()) > kMostToken_bytes)
+        fail("has a tag or comment of more than 1 MB");
+    }
+    return chosen();
+  }
+
+ private:
+  enum class Element { kOther, kSurface, kDefinition, kPoint, kFace };
+
+  [[noreturn]] void fail(const std::string& what) const {
+    throw InputError(from_.file, static_cast<long>(XML_GetCurrentLineNumber(parser_.get())), what);
+  }
+
+  /// Exceptions must not pass through Expat, which is C.
+  template <typename F>
+  void guard(const F& f) noexcept {
+    if (problem_) return;
+    try {
+      f(*this);
+    } catch (...) {
+      problem_ = std::current_exception();
+      XML_StopParser(parser_.get(), XML_FALSE);
+    }
+  }
+
+  static const char* attribute(const char** all, std::string_view name) {
+    for (; *all != nullptr; all += 2)
+      if (name == *all) return all[1];
+    return nullptr;
+  }
+
+  double unit_of(const char* name) const {
+    for (const auto& [known, metres] : kUnits)
+      if (known == name) return metres;
+    fail(fmt::format("the unit '{}' is not known; LandXML has meter, foot, USSurveyFoot and others",
+                     printable(name)));
+  }
+
+  void set_units(const char** attributes, const char* usual) {
+    const char* const given = attribute(attributes, "linearUnit");
+    input_.unit = given != nullptr ? given : usual;
+    input_.unit_m = input_.height_unit_m = unit_of(input_.unit.c_str());
+    const char* const heights = attribute(attributes, "elevationUnit");
+    if (heights == nullptr) return;
+    const std::string_view unit = heights;
+    // "feet" are those of the linear unit, if that is one of both.
+    const bool foot = std::abs(input_.unit_m - 0.3048) < 1e-5;
+    if (unit == "feet")
+      input_.height_unit_m = foot ? input_.unit_m : 0.3048;
+    else
+      input_.height_unit_m = unit_of(unit == "miles" ? "mile" : heights);
+  }
+
+  Element opened(std::string_view name, const char** attributes) {
+    const Element in = open_.empty() ? Element::kOther : open_.back();
+    if (open_.empty() && name != "LandXML")
+      fail(fmt::format("is XML of a '{}', not of LandXML", printable(name)));
+    if (name == "Metric" || name == "Imperial") {
+      set_units(attributes, name == "Metric" ? "meter" : "foot");
+    } else if (name == "CoordinateSystem" && open_.size() == 1) {
+      if (const char* epsg = attribute(attributes, "epsgCode")) input_.epsg = epsg;
+      if (const char* wkt = attribute(attributes, "ogcWktCode")) input_.wkt = wkt;
+    } else if (name == "Surface") {
+      if (names_.size() == kMostSurfaces) fail("has more than 1000 surfaces");
+      const char* const given = attribute(attributes, "name");
+      name_ = given != nullptr ? given : "";
+      return Element::kSurface;
+    } else if (name == "Definition" && in == Element::kSurface) {
+      const char* const type = attribute(attributes, "surfType");
+      if (type != nullptr && std::string_view(type) != "TIN") return Element::kOther;
+      names_.push_back(name_);
+      // Of several, the first until one is named that is another.
+      wanted_ = from_.part.empty() ? names_.size() == 1 : name_ == from_.part;
+      if (wanted_ && kept_) fail(fmt::format("has two surfaces '{}'", printable(name_)));
+      kept_ = kept_ || wanted_;
+      return Element::kDefinition;
+    } else if (name == "P" && in == Element::kDefinition && wanted_) {
+      const char* const id = attribute(attributes, "id");
+      id_ = id != nullptr ? id : "";
+      return Element::kPoint;
+    } else if (name == "F" && in == Element::kDefinition && wanted_) {
+      const char* const invisible = attribute(attributes, "i");
+      return invisible != nullptr && std::string_view(invisible) == "1" ? Element::kOther
+                                                                        : Element::kFace;
+    }
+    // Pnts and Faces; other lists of a surface, such as breaklines, have no points of its TIN.
+    return in == Element::kDefinition && (name == "Pnts" || name == "Faces") ? Element::kDefinition
+                                                                             : Element::kOther;
+  }
+
+  void begin(const char* name, const char** attributes) {
+    if (open_.size() == kMostDepth) fail("has more than 100 tags within each other");
+    const char* const colon = std::strrchr(name, ':');
+    open_.push_back(opened(colon != nullptr ? colon + 1 : name, attributes));
+    text_.clear();
+  }
+
+  void add(std::string_view text) {
+    if (open_.empty() || (open_.back() != Element::kPoint && open_.back() != Element::kFace))
+      return;
+    if (text_.size() + text.size() > kMostRow_bytes) fail("has a point or face of over 1000 bytes");
+    text_ += text;
+  }
+
+  void end() {
+    const Element element = open_.back();
+    open_.pop_back();
+    if (element == Element::kPoint) add_point();
+    if (element == Element::kFace) add_face();
+  }
+
+  void add_point() {
+    const auto point = three_numbers(text_);
+    if (!point)
+      fail(fmt::format("point '{}' is '{}'; it must be northing, easting and elevation",
+                       printable(id_), printable(text_)));
+    Tin& tin = input_.tin;
+    if (tin.points.size() == kMostTinPoints) fail("has more than 30 million points");
+    if (!ids_.emplace(id_, static_cast<std::uint32_t>(tin.points.size())).second)
+      fail(fmt::format("there are two points '{}'", printable(id_)));
+    tin.points.emplace_back((*point)[1], (*point)[0], (*point)[2]);
+  }
+
+  void add_face() {
+    constexpr std::string_view kWhite = " \t\r\n";
+    std::array<std::uint32_t, 3> face{};
+    std::size_t count = 0;
+    const std::string_view row = text_;
+    for (std::size_t at = row.find_first_not_of(kWhite); at != row.npos;
+         at = row.find_first_not_of(kWhite, at)) {
+      const std::size_t end = std::min(row.find_first_of(kWhite, at), row.size());
+      const auto point = ids_.find(std::string(row.substr(at, end - at)));
+      if (count < face.size() && point == ids_.end())
+        fail(fmt::format("there is no point '{}' of this face",
+                         printable(row.substr(at, end - at))));
+      if (count < face.size()) face[count] = point->second;
+      ++count;
+      at = end;
+    }
+    if (count != face.size())
+      fail(fmt::format("face '{}' has {} points; 3 are needed", printable(text_), count));
+    if (input_.tin.faces.size() == kMostTinFaces) fail("has more than 60 million faces");
+    input_.tin.faces.push_back(face);
+  }
+
+  TinInput chosen() {
+    choose_surface(from_, names_);
+    if (input_.tin.faces.empty())
+      throw InputError(from_.file, fmt::format("the surface has {} points and no visible faces; "
+                                               "export it with its triangles",
+                                               input_.tin.points.size()));
+    if (input_.unit.empty())
+      input_.doubts.emplace_back("gives no Units; its coordinates are taken as metres");
+    return std::move(input_);
+  }
+
+  struct Free {
+    void operator()(XML_Parser parser) const { XML_ParserFree(parser); }
+  };
+
+  const FilePart& from_;
+  std::unique_ptr<XML_ParserStruct, Free> parser_;
+  std::exception_ptr problem_;
+  std::vector<Element> open_;
+  std::string name_, id_, text_;
+  std::vector<std::string> names_;
+  bool wanted_ = false, kept_ = false;
+  std::unordered_map<std::string, std::uint32_t> ids_;
+  TinInput input_;
+};
+
+}  // namespace
+
+TinInput read_landxml(const FilePart& from) { return LandXmlReader(from).read(); }
+
+std::size_t choose_surface(const FilePart& from, const std::vector<std::string>& names) {
+  constexpr std::size_t kListed = 20;
+  if (names.empty())
+    throw InputError(from.file, "has no surface of triangles (TIN); export one with its faces");
+  if (from.part.empty() && names.size() == 1) return 0;
+  const auto at = std::find(names.begin(), names.end(), from.part);
+  if (!from.part.empty() && at != names.end()) return static_cast<std::size_t>(at - names.begin());
+  std::vector<std::string> listed;
+  for (const std::string& name : names)
+    if (listed.size() < kListed) listed.push_back(printable(name));
+  throw InputError(
+      from.file,
+      fmt::format("has {}{}{}; name one, as in {}#{}",
+                  from.part.empty() ? fmt::format("{} surfaces, ", names.size())
+                                    : fmt::format("no surface '{}', but ", printable(from.part)),
+                  quoted_list(listed), names.size() > kListed ? " and others" : "",
+                  from.file.filename().string(), listed.front()));
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,271 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/terrain/tin.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/geometry/geometries/box.hpp>
+#include <boost/geometry/geometries/point.hpp>
+#include <boost/geometry/index/rtree.hpp>
+#include <boost/iterator/function_output_iterator.hpp>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "io/file/text.h"
+#include "io/terrain/crs.h"
+#include "io/terrain/gdal.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+namespace index = boost::geometry::index;
+using TinPoint = boost::geometry::model::point<double, 2, boost::geometry::cs::cartesian>;
+using TinBox = boost::geometry::model::box<TinPoint>;
+using Corners = std::array<Vec3, 3>;
+
+constexpr double kMostTinPosts = 1 << 24, kLeastSpacing_m = 1.0 / 32;
+/// Places this near a face are on it; a face that is narrower in plan is vertical.
+constexpr double kOn_m = 1e-6;
+/// Faces that lie over one another by less, in plan or in height, do so by rounding.
+constexpr double kRounding_m = 0.001;
+constexpr double kHighest_m = 1e5;  // as of rasters
+
+double cross2(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+Vec2 plan(const Vec3& p) { return p.head<2>(); }
+
+/// Twice the area in plan, above 0 if the corners turn left.
+double turn(const Corners& t) { return cross2(plan(t[1] - t[0]), plan(t[2] - t[0])); }
+
+/// The height of a face at a place on it or beside its edge. @param t turns left
+double height_at(const Corners& t, const Vec2& at) {
+  double sum = 0, height = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3 &from = t[(k + 1) % 3], &to = t[(k + 2) % 3];
+    const double weight = std::max(0.0, cross2(plan(to - from), at - plan(from)));
+    sum += weight;
+    height += weight * t[k].z();
+  }
+  return height / sum;
+}
+
+bool is_on(const Corners& t, const Vec2& at) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2 edge = plan(t[(k + 1) % 3] - t[k]);
+    if (cross2(edge, at - plan(t[k])) < -kOn_m * edge.norm()) return false;
+  }
+  return true;
+}
+
+/// The part of two faces in plan that is over both.
+std::vector<Vec2> common_part(const Corners& a, const Corners& b) {
+  std::vector<Vec2> part{plan(a[0]), plan(a[1]), plan(a[2])}, kept;
+  for (std::size_t k = 0; k < 3 && !part.empty(); ++k) {
+    const Vec2 from = plan(b[k]), edge = plan(b[(k + 1) % 3]) - from;
+    kept.clear();
+    for (std::size_t i = 0, j = part.size() - 1; i < part.size(); j = i++) {
+      const double u = cross2(edge, part[j] - from), v = cross2(edge, part[i] - from);
+      if ((u < 0) != (v < 0)) kept.push_back(part[j] + u / (u - v) * (part[i] - part[j]));
+      if (v >= 0) kept.push_back(part[i]);
+    }
+    part.swap(kept);
+  }
+  return part;
+}
+
+/// Narrowest width of a convex part of the plan.
+double width_of(const std::vector<Vec2>& part) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0, j = part.size() - 1; i < part.size(); j = i++) {
+    const Vec2 edge = part[i] - part[j];
+    const double length = edge.norm();
+    if (length == 0) continue;
+    double far = 0;
+    for (const Vec2& p : part) far = std::max(far, cross2(edge, p - part[j]) / length);
+    least = std::min(least, far);
+  }
+  return std::isfinite(least) ? least : 0;
+}
+
+/// A place where two faces have two heights.
+struct Overlap {
+  Vec2 at;
+  double low, high;
+};
+
+/// Triangles as posts. Coordinates are relative to the first post.
+class TinHeights final : public HeightSource {
+ public:
+  /// @param input scaled to metres
+  TinHeights(const std::filesystem::path& path, Tin tin) : path_(path), tin_(std::move(tin)) {
+    for (const auto& face : tin_.faces)
+      for (const std::uint32_t corner : face) box_.extend(tin_.points[corner]);
+    // "base" is not within the coordinates' rounding, wherever they lie.
+    const Vec3 base(box_.min().x(), box_.min().y(), 0);
+    for (Vec3& p : tin_.points) p -= base;
+    std::vector<Entry> entries;
+    for (std::size_t i = 0; i < tin_.faces.size(); ++i) add(i, entries);
+    if (entries.empty()) throw InputError(path, "has no face with an area seen from above");
+    tree_ = Tree(entries.begin(), entries.end());
+    grid_.first = plan(base);
+    const Vec2 size = box_.sizes().head<2>();
+    double spacing_m = kLeastSpacing_m;
+    while ((size.x() / spacing_m + 2) * (size.y() / spacing_m + 2) > kMostTinPosts) spacing_m *= 2;
+    const auto posts = [&](double length_m) {
+      return std::max(2, 1 + static_cast<int>(std::ceil(length_m / spacing_m - 1e-6)));
+    };
+    grid_.nx = posts(size.x());
+    grid_.ny = posts(size.y());
+    grid_.spacing = size.cwiseQuotient(Vec2(grid_.nx - 1, grid_.ny - 1));
+    find_overlap();
+  }
+
+  const HeightGrid& grid() const { return grid_; }
+  const Eigen::AlignedBox3d& box() const { return box_; }
+
+  std::vector<std::string> doubts() const {
+    std::vector<std::string> all;
+    if (vertical_ > 0)
+      all.push_back(
+          fmt::format("{} vertical; heights jump there",
+                      vertical_ == 1 ? "a face is" : fmt::format("{} faces are", vertical_)));
+    if (overlap_)
+      all.push_back(
+          fmt::format("faces lie over one another, first at {:.2f}, {:.2f} with heights "
+                      "{:.3f} and {:.3f} m; the highest is taken",
+                      overlap_->at.x(), overlap_->at.y(), overlap_->low, overlap_->high));
+    return all;
+  }
+
+  void read(int x0, int y0, int nx, int ny, float* out) const override {
+    std::fill_n(out, std::size_t(nx) * std::size_t(ny), std::numeric_limits<float>::quiet_NaN());
+    const Vec2 low = grid_.spacing.cwiseProduct(Vec2(x0, y0)),
+               high = grid_.spacing.cwiseProduct(Vec2(x0 + nx - 1, y0 + ny - 1));
+    const auto draw = [&](const Entry& entry) {
+      const Corners t = corners(entry.second);
+      const auto post = [&](double at, Eigen::Index axis) { return at / grid_.spacing[axis]; };
+      const TinBox& b = entry.first;
+      const int i0 = first_post(post(b.min_corner().get<0>(), 0), x0),
+                i1 = last_post(post(b.max_corner().get<0>(), 0), x0 + nx - 1),
+                j0 = first_post(post(b.min_corner().get<1>(), 1), y0),
+                j1 = last_post(post(b.max_corner().get<1>(), 1), y0 + ny - 1);
+      for (int j = j0; j <= j1; ++j) {
+        for (int i = i0; i <= i1; ++i) {
+          const Vec2 at = grid_.spacing.cwiseProduct(Vec2(i, j));
+          if (!is_on(t, at)) continue;
+          float& z = out[std::size_t(j - y0) * std::size_t(nx) + std::size_t(i - x0)];
+          const auto height = static_cast<float>(height_at(t, at));
+          if (!(z >= height)) z = height;  // NaN, too
+        }
+      }
+    };
+    const TinBox window(TinPoint(low.x(), low.y()), TinPoint(high.x(), high.y()));
+    tree_.query(index::intersects(window), boost::make_function_output_iterator(draw));
+  }
+
+ private:
+  using Entry = std::pair<TinBox, std::uint32_t>;
+  using Tree = index::rtree<Entry, index::quadratic<16>>;
+
+  static int first_post(double at, int least) {
+    return static_cast<int>(std::max(std::ceil(at - 1e-9), double(least)));
+  }
+  static int last_post(double at, int most) {
+    return static_cast<int>(std::min(std::floor(at + 1e-9), double(most)));
+  }
+
+  Corners corners(std::uint32_t face) const {
+    const auto& [a, b, c] = tin_.faces[face];
+    return {tin_.points[a], tin_.points[b], tin_.points[c]};
+  }
+
+  /// Turns a face left, and adds it unless it is vertical or without any area.
+  void add(std::size_t face, std::vector<Entry>& entries) {
+    Corners t = corners(static_cast<std::uint32_t>(face));
+    const double area = turn(t);
+    double longest = 0, low = t[0].z(), high = low;
+    for (std::size_t k = 0; k < 3; ++k) {
+      longest = std::max(longest, plan(t[(k + 1) % 3] - t[k]).norm());
+      low = std::min(low, t[k].z());
+      high = std::max(high, t[k].z());
+    }
+    if (std::abs(area) <= kOn_m * longest) {
+      vertical_ += high - low > kRounding_m &&
+                   (t[1] - t[0]).cross(t[2] - t[0]).norm() > kRounding_m * longest;
+      return;
+    }
+    if (area < 0) std::swap(tin_.faces[face][1], tin_.faces[face][2]);
+    TinPoint least(1e300, 1e300), most(-1e300, -1e300);
+    const Vec2 lower = plan(t[0]).cwiseMin(plan(t[1])).cwiseMin(plan(t[2])),
+               upper = plan(t[0]).cwiseMax(plan(t[1])).cwiseMax(plan(t[2]));
+    least = TinPoint(lower.x() - kOn_m, lower.y() - kOn_m);
+    most = TinPoint(upper.x() + kOn_m, upper.y() + kOn_m);
+    entries.emplace_back(TinBox(least, most), static_cast<std::uint32_t>(face));
+  }
+
+  /// The first face of which another has another height. @throw InputError for a pile of faces
+  void find_overlap() {
+    std::int64_t left = 50'000'000 + 100 * static_cast<std::int64_t>(tin_.faces.size());
+    for (const auto& [box, face] : tree_) {
+      const Corners t = corners(face);
+      const auto compare = [&, own = face](const Entry& entry) {
+        if (--left < 0)
+          throw InputError(path_, "has too many faces over one another to be a surface");
+        if (entry.second <= own) return;
+        const Corners other = corners(entry.second);
+        const std::vector<Vec2> part = common_part(t, other);
+        if (part.size() < 3 || width_of(part) <= kRounding_m) return;
+        for (const Vec2& at : part) {
+          const double a = height_at(t, at), b = height_at(other, at);
+          if (std::abs(a - b) > kRounding_m && (!overlap_ || own < first_)) {
+            overlap_ = {grid_.first + at, std::min(a, b), std::max(a, b)};
+            first_ = own;
+          }
+        }
+      };
+      tree_.query(index::intersects(box), boost::make_function_output_iterator(compare));
+      if (overlap_) return;
+    }
+  }
+
+  std::filesystem::path path_;
+  Tin tin_;
+  Tree tree_;
+  HeightGrid grid_;
+  Eigen::AlignedBox3d box_;
+  std::size_t vertical_ = 0;
+  std::optional<Overlap> overlap_;
+  std::uint32_t first_ = 0;
+};
+
+}  // namespace
+
+RasterInput open_tin(const std::filesystem::path& path) {
+  const FilePart from = file_part(path);
+  const bool is_dxf = suffix_of(from.file) == ".dxf";
+  TinInput input = is_dxf ? read_dxf(from) : read_landxml(from);
+  const Vec3 metres(input.unit_m, input.unit_m, input.height_unit_m);
+  for (Vec3& p : input.tin.points) p = p.cwiseProduct(metres);
+  const auto source = std::make_shared<TinHeights>(path, std::move(input.tin));
+  if (!(source->box().max().cwiseAbs().z() <= kHighest_m &&
+        source->box().min().cwiseAbs().z() <= kHighest_m))
+    throw InputError(path, "has heights beyond +-100 km");
+  RasterInput raster{source->grid(), source, "", is_dxf ? "DXF" : "LandXML", {}};
+  if (!input.epsg.empty() || !input.wkt.empty()) {
+    const GdalMessages messages;
+    raster.crs_wkt = metre_crs(path, input.epsg, input.wkt, input.unit_m, input.unit,
+                               source->box().center().head<2>());
+    if (raster.crs_wkt.empty())
+      input.doubts.push_back(fmt::format("its CRS '{}' is not known",
+                                         printable(input.epsg.empty() ? input.wkt : input.epsg)));
+  }
+  for (const std::vector<std::string>& doubts : {input.doubts, source->doubts()})
+    for (const std::string& doubt : doubts) raster.warnings.push_back(path.string() + ": " + doubt);
+  return raster;
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,432 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Surfaces of design programs: heights of triangles known in closed form, units, CRSs, refusals.
+#include "io/terrain/tin.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "io/terrain/crs.h"
+#include "tests/support/raster_fixture.h"
+#include "tests/support/temp_folder.h"
+
+namespace soilvdb::io {
+namespace tin_test {
+
+using test::TempFolder;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+// Heights are floats, and places on a face are known to 1e-6 m.
+constexpr double kRoundingOfFloat = 6e-8;
+
+std::string surface_of(const Tin& tin, const std::string& name = "pit", double unit_m = 1) {
+  std::string text = fmt::format("<Surface name='{}'><Definition surfType='TIN'><Pnts>\n", name);
+  for (std::size_t i = 0; i < tin.points.size(); ++i) {
+    const Vec3 p = tin.points[i] / unit_m;
+    text += fmt::format("<P id='{}'>{} {} {}</P>\n", 7 * i + 3, p.y(), p.x(), p.z());
+  }
+  text += "</Pnts><Faces>\n";
+  for (const auto& [a, b, c] : tin.faces)
+    text += fmt::format("<F>{} {} {}</F>\n", 7 * a + 3, 7 * b + 3, 7 * c + 3);
+  return text + "</Faces></Definition></Surface>\n";
+}
+
+constexpr const char* kMetric = "<Units><Metric linearUnit='meter'/></Units>";
+
+std::string landxml(const std::string& surfaces, const std::string& head = kMetric) {
+  return "<?xml version='1.0'?>\n<LandXML xmlns='http://www.landxml.org/schema/LandXML-1.2' "
+         "version='1.2'>\n" +
+         head + "<Surfaces>\n" + surfaces + "</Surfaces></LandXML>\n";
+}
+
+/// A square of 20 m with a peak or pit in its middle: four faces.
+Tin pyramid(const Vec2& corner = {500000, 5400000}, double top_m = 10, double depth_m = 5) {
+  Tin tin;
+  for (const Vec3& p : {Vec3(0, 0, top_m), Vec3(20, 0, top_m), Vec3(20, 20, top_m),
+                        Vec3(0, 20, top_m), Vec3(10, 10, top_m - depth_m)})
+    tin.points.emplace_back(p + Vec3(corner.x(), corner.y(), 0));
+  tin.faces = {{0, 1, 4}, {2, 1, 4}, {2, 3, 4}, {0, 3, 4}};  // in both turns
+  return tin;
+}
+
+/// A random TIN over a rectangle: a grid whose inner points are moved, with heights by a function,
+/// its points and faces in random order.
+Tin random_tin(unsigned seed, const std::function<double(const Vec2&)>& height) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> any(0, 1);
+  const int nx = 5 + int(random() % 20), ny = 5 + int(random() % 20);
+  const Vec2 corner(1e6 * any(random), 6e6 * any(random)),
+      cell(0.3 + any(random), 0.3 + any(random));
+  std::vector<Vec3> points;
+  for (int j = 0; j < ny; ++j) {
+    for (int i = 0; i < nx; ++i) {
+      Vec2 move(0, 0);  // of less than half: faces keep their turn
+      if (i > 0 && i < nx - 1) move.x() = 0.45 * (any(random) - 0.5);
+      if (j > 0 && j < ny - 1) move.y() = 0.45 * (any(random) - 0.5);
+      const Vec2 at = corner + cell.cwiseProduct(Vec2(i, j) + move);
+      points.emplace_back(at.x(), at.y(), height(at - corner));
+    }
+  }
+  std::vector<std::uint32_t> order(points.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::shuffle(order.begin(), order.end(), random);
+  Tin tin;
+  tin.points.resize(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) tin.points[order[i]] = points[i];
+  for (int j = 0; j + 1 < ny; ++j) {
+    for (int i = 0; i + 1 < nx; ++i) {
+      const auto at = [&](int x, int y) {
+        return order[std::size_t(j + y) * std::size_t(nx) + std::size_t(i + x)];
+      };
+      if (random() % 2 == 0) {
+        tin.faces.push_back({at(0, 0), at(1, 0), at(1, 1)});
+        tin.faces.push_back({at(0, 1), at(0, 0), at(1, 1)});
+      } else {
+        tin.faces.push_back({at(0, 0), at(0, 1), at(1, 0)});
+        tin.faces.push_back({at(1, 1), at(1, 0), at(0, 1)});
+      }
+    }
+  }
+  std::shuffle(tin.faces.begin(), tin.faces.end(), random);
+  return tin;
+}
+
+template <typename F>
+void for_posts(const RasterInput& surface, const F& f) {
+  const std::vector<float> heights = all_of(surface);
+  const HeightGrid& grid = surface.grid;
+  for (int j = 0; j < grid.ny; ++j)
+    for (int i = 0; i < grid.nx; ++i)
+      f(Vec2(grid.first + grid.spacing.cwiseProduct(Vec2(i, j))),
+        heights[std::size_t(j) * std::size_t(grid.nx) + std::size_t(i)]);
+}
+
+TEST(Tin, PostsOfARandomTinOfAPlaneAreThePlane) {
+  const TempFolder folder;
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    const Vec2 slope(0.1 * seed - 0.4, 0.3 - 0.07 * seed);
+    const auto plane = [&](const Vec2& p) { return 250 + slope.dot(p); };
+    const Tin tin = random_tin(seed, plane);
+    const RasterInput surface = open_raster(folder.write("a.xml", landxml(surface_of(tin))));
+    EXPECT_THAT(surface.warnings, IsEmpty());
+    Vec2 corner = tin.points[0].head<2>();
+    for (const Vec3& p : tin.points) corner = corner.cwiseMin(p.head<2>());
+    EXPECT_LT((surface.grid.first - corner).norm(), 1e-9);
+    // To the last post the rectangle is covered.
+    for_posts(surface, [&](const Vec2& at, float z) {
+      ASSERT_NEAR(z, plane(at - corner), 260 * kRoundingOfFloat + 1e-6) << seed;
+    });
+  }
+}
+
+/// The height of a face by its plane's equation, if the place is in it by the areas of three parts.
+void raise(const Vec3& a, const Vec3& b, const Vec3& c, const Vec2& at, double& highest) {
+  const auto area = [](const Vec2& p, const Vec2& q, const Vec2& r) {
+    return std::abs((q.x() - p.x()) * (r.y() - p.y()) - (q.y() - p.y()) * (r.x() - p.x()));
+  };
+  const Vec2 p = a.head<2>(), q = b.head<2>(), r = c.head<2>();
+  if (area(p, q, at) + area(q, r, at) + area(r, p, at) > area(p, q, r) * (1 + 1e-6)) return;
+  const Vec3 normal = (b - a).cross(c - a);
+  const double z = a.z() - normal.head<2>().dot(at - p) / normal.z();
+  if (!(highest >= z)) highest = z;
+}
+
+TEST(Tin, PostsOfARandomSurfaceAreThoseOfItsFaces) {
+  const TempFolder folder;
+  for (unsigned seed = 20; seed < 23; ++seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> any(0, 0.5);
+    const Tin tin = random_tin(seed, [&](const Vec2&) { return any(random); });
+    const RasterInput surface = open_raster(folder.write("a.xml", landxml(surface_of(tin))));
+    EXPECT_THAT(surface.warnings, IsEmpty());
+    std::size_t n = 0;
+    for_posts(surface, [&](const Vec2& at, float z) {
+      if (++n % 997 != 0) return;
+      double truth = std::nan("");
+      for (const auto& [a, b, c] : tin.faces)
+        raise(tin.points[a], tin.points[b], tin.points[c], at, truth);
+      ASSERT_NEAR(z, truth, 1e-5);
+    });
+  }
+}
+
+TEST(Tin, APitHasItsHeightsAndVolume) {
+  const TempFolder folder;
+  const RasterInput pit = open_raster(folder.write("a.xml", landxml(surface_of(pyramid()))));
+  EXPECT_EQ(pit.driver, "LandXML");
+  EXPECT_EQ(pit.grid.nx, 641) << "posts 1/32 m apart";
+  double volume_m3 = 0;
+  for_posts(pit, [&](const Vec2& at, float z) {
+    const Vec2 from = (at - Vec2(500010, 5400010)).cwiseAbs();
+    ASSERT_NEAR(z, 10 - 5 * (1 - from.maxCoeff() / 10), 1e-6);
+    volume_m3 += (10 - z) * pit.grid.spacing.prod();
+  });
+  // By the trapezium rule, as between bilinear posts; at folds the error is a sixth of the spacing
+  // squared times the change of slope, 4 of 14 m.
+  EXPECT_NEAR(volume_m3, 20.0 * 20 * 5 / 3, 4 * 14.2 / 32 / 32);
+}
+
+TEST(Tin, FeetAreMetres) {
+  const TempFolder folder;
+  const RasterInput metres = open_raster(folder.write("m.xml", landxml(surface_of(pyramid()))));
+  const std::vector<float> wanted = all_of(metres);
+  for (const auto& [name, unit_m] :
+       {std::pair{"USSurveyFoot", 1200.0 / 3937}, std::pair{"foot", 0.3048}}) {
+    const RasterInput feet = open_raster(folder.write(
+        "f.xml",
+        landxml(
+            surface_of(pyramid(), "pit", unit_m),
+            fmt::format("<Units><Imperial linearUnit='{}' elevationUnit='feet'/></Units>", name))));
+    EXPECT_LT((feet.grid.first - metres.grid.first).norm(), 1e-8) << name;
+    EXPECT_THAT(all_of(feet), ::testing::Pointwise(::testing::FloatNear(2e-6F), wanted)) << name;
+  }
+}
+
+TEST(Tin, ACrsInFeetIsThatOfItsMetres) {
+  const TempFolder folder;
+  const auto crs_of = [&](const std::string& unit, const std::string& crs, double unit_m,
+                          const Vec2& corner = {2000000, 650000}) {
+    const auto file = folder.write(
+        "a.xml", landxml(surface_of(pyramid(corner), "pit", unit_m),
+                         "<Units><Imperial linearUnit='" + unit + "'/></Units>" + crs));
+    return open_raster(file).crs_wkt;
+  };
+  const std::string feet =
+      crs_of("USSurveyFoot", "<CoordinateSystem epsgCode='2227'/>", 1200.0 / 3937);
+  const std::string metres = crs_of("meter", "<CoordinateSystem epsgCode='EPSG:26943'/>", 1);
+  EXPECT_EQ(crs_label(metres), "EPSG:26943");
+  EXPECT_THAT(crs_differences("a", feet, "b", metres), IsEmpty());
+  EXPECT_EQ(crs_label(crs_of("meter", fmt::format("<CoordinateSystem ogcWktCode='{}'/>", kUtm17), 1,
+                             {500000, 5400000})),
+            "EPSG:32617");
+  const auto refused = [&](const std::string& unit, const std::string& crs) {
+    return test::message_of(folder, [&] { crs_of(unit, crs, 1); });
+  };
+  EXPECT_THAT(refused("foot", "<CoordinateSystem epsgCode='2227'/>"),
+              AllOf(HasSubstr("in 'foot', but the unit of its CRS EPSG:2227 is 'US survey foot'"),
+                    HasSubstr("export")));
+  EXPECT_THAT(refused("meter", "<CoordinateSystem epsgCode='4326'/>"), HasSubstr("no map's CRS"));
+  EXPECT_THAT(refused("meter", "<CoordinateSystem epsgCode='3857'/>"), HasSubstr("true to scale"));
+  EXPECT_THAT(refused("furlong", ""), HasSubstr("the unit 'furlong' is not known"));
+}
+
+std::string change(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, text.npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+TEST(Tin, HolesAndInvisibleFacesHaveNoHeight) {
+  const TempFolder folder;
+  const std::string text = landxml(surface_of(pyramid()));
+  for (const std::string& open : {change(text, "<F>3 10 31</F>", "<F i='1'>3 10 31</F>"),
+                                  change(text, "<F>3 10 31</F>", "")}) {
+    const RasterInput pit = open_raster(folder.write("a.xml", open));
+    EXPECT_THAT(pit.warnings, IsEmpty());
+    for_posts(pit, [&](const Vec2& at, float z) {
+      const Vec2 from = at - Vec2(500010, 5400010);
+      const double inside_m = -from.y() - std::abs(from.x());
+      if (std::abs(inside_m) < 1e-5) return;
+      ASSERT_EQ(std::isnan(z), inside_m > 0) << from.transpose();
+    });
+  }
+}
+
+TEST(Tin, DoubtfulFacesAreTold) {
+  const TempFolder folder;
+  const auto told = [&](Tin tin) {
+    return open_raster(folder.write("a.xml", landxml(surface_of(tin)))).warnings;
+  };
+  Tin twice = pyramid();
+  twice.faces.push_back({1, 4, 0});
+  EXPECT_THAT(told(twice), IsEmpty()) << "the same face again";
+  Tin walled = pyramid();
+  walled.points.emplace_back(walled.points[0] + Vec3(0, 0, 3));
+  walled.faces.push_back({0, 1, 5});
+  EXPECT_THAT(told(walled), ElementsAre(HasSubstr("a.xml: a face is vertical")));
+  Tin heap = pyramid();
+  heap.points.emplace_back(heap.points[4] + Vec3(0, 0, 2));
+  heap.faces.push_back({0, 1, 5});
+  EXPECT_THAT(told(heap), ElementsAre(AllOf(
+                              HasSubstr("lie over one another"), HasSubstr("500010.00, 5400010.00"),
+                              HasSubstr("heights 5.000 and 7.000 m; the highest is taken"))));
+  for_posts(open_raster(folder / "a.xml"), [&](const Vec2& at, float z) {
+    const Vec2 from = at - Vec2(500010, 5400010);
+    if (-from.y() < std::abs(from.x()) + 1e-5) return;
+    ASSERT_NEAR(z, 10 - 3 * (1 + from.y() / 10), 1e-6);
+  });
+  EXPECT_THAT(open_raster(folder.write("a.xml", landxml(surface_of(pyramid()), ""))).warnings,
+              ElementsAre(HasSubstr("gives no Units; its coordinates are taken as metres")));
+}
+
+TEST(Tin, OneOfSeveralSurfacesIsNamed) {
+  const TempFolder folder;
+  const auto file = folder.write("a.xml", landxml(surface_of(pyramid(), "as built") +
+                                                  surface_of(pyramid({0, 0}, 3), "Sub#1")));
+  EXPECT_THAT(refusal(folder, file),
+              HasSubstr("has 2 surfaces, 'as built' and 'Sub#1'; name one, as in a.xml#as built"));
+  EXPECT_THAT(refusal(folder, file.string() + "#sub"),
+              HasSubstr("has no surface 'sub', but 'as built' and 'Sub#1'; name one"));
+  EXPECT_EQ(open_raster(file.string() + "#Sub#1").grid.first, Vec2(0, 0));
+  EXPECT_EQ(open_raster(file.string() + "#as built").grid.first, Vec2(500000, 5400000));
+  EXPECT_THAT(refusal(folder, folder / "b.xml#a"), HasSubstr("b.xml: no such file"));
+  folder.write("a.xml#a.xml", landxml(surface_of(pyramid({5, 6}))));
+  EXPECT_EQ(open_raster(folder / "a.xml#a.xml").grid.first, Vec2(5, 6)) << "a file's own name";
+}
+
+TEST(Tin, WrongFilesAreRefusedInOneLine) {
+  const TempFolder folder;
+  const std::string good = landxml(surface_of(pyramid()));
+  const auto said = [&](const std::string& text) {
+    return refusal(folder, folder.write("a.xml", text));
+  };
+  EXPECT_EQ(said(good), "accepted");
+  EXPECT_THAT(said(""), HasSubstr("isn't well-formed XML"));
+  EXPECT_THAT(said(good.substr(0, good.size() / 2)), HasSubstr("isn't well-formed XML"));
+  EXPECT_THAT(said("<kml/>"), HasSubstr("a.xml:1: is XML of a 'kml', not of LandXML"));
+  EXPECT_THAT(said(landxml("")), HasSubstr("has no surface of triangles (TIN)"));
+  EXPECT_THAT(said(change(good, "surfType='TIN'", "surfType='grid'")), HasSubstr("has no surface"));
+  EXPECT_THAT(said(change(good, "<F>3 10 31</F>", "<F>3 10 32</F>")),
+              HasSubstr("a.xml:11: there is no point '32' of this face"));
+  EXPECT_THAT(said(change(good, "<F>3 10 31</F>", "<F>3 10</F>")), HasSubstr("2 points; 3 are"));
+  EXPECT_THAT(said(change(good, "id='10'", "id='3'")), HasSubstr("there are two points '3'"));
+  EXPECT_THAT(said(change(good, "5400000 500020 10", "5400000 500020")),
+              HasSubstr("a.xml:6: point '10' is '5400000 500020'; it must be northing, easting"));
+  EXPECT_THAT(said(change(good, "5400000 500020 10", "5400000 nan 10")), HasSubstr("it must be"));
+  EXPECT_THAT(said(change(good, "5400010 500010 5", "5400010 500010 200000")),
+              HasSubstr("has heights beyond +-100 km"));
+  EXPECT_THAT(said(change(good, "<?xml version='1.0'?>",
+                          "<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]>")),
+              HasSubstr("has a document type declaration"));
+  EXPECT_THAT(said("<LandXML a='" + std::string(3 << 20, ' ') + "'/>"),
+              HasSubstr("more than 1 MB"));
+  std::string deep = "<LandXML>";
+  for (int i = 0; i < 200; ++i) deep += "<a>";
+  EXPECT_THAT(said(deep), HasSubstr("has more than 100 tags within each other"));
+  Tin flat = pyramid();
+  flat.faces.clear();
+  EXPECT_THAT(said(landxml(surface_of(flat))), HasSubstr("has 5 points and no visible faces"));
+  flat.faces = {{0, 0, 1}};
+  EXPECT_THAT(said(landxml(surface_of(flat))), HasSubstr("no face with an area seen from above"));
+}
+
+std::string groups(std::initializer_list<std::pair<int, std::string>> all) {
+  std::string text;
+  for (const auto& [code, value] : all) text += fmt::format("{}\n{}\n", code, value);
+  return text;
+}
+
+std::string corner(int n, const Vec3& p) {
+  std::string text;
+  for (int axis = 0; axis < 3; ++axis)
+    text += fmt::format("{}\n{}\n", 10 * (axis + 1) + n, p[axis]);
+  return text;
+}
+
+std::string face(const std::string& layer, const std::vector<Vec3>& corners) {
+  std::string text = groups({{0, "3DFACE"}, {8, layer}});
+  for (int i = 0; i < 4; ++i)
+    text += corner(i, corners[std::min<std::size_t>(std::size_t(i), corners.size() - 1)]);
+  return text;
+}
+
+std::string dxf(const std::string& entities, const std::string& unit) {
+  return groups({{0, "SECTION"}, {2, "HEADER"}}) +
+         (unit.empty() ? "" : groups({{9, "$INSUNITS"}, {70, unit}})) +
+         groups({{0, "ENDSEC"}, {0, "SECTION"}, {2, "ENTITIES"}}) + entities +
+         groups({{0, "ENDSEC"}, {0, "EOF"}});
+}
+
+std::string faces_of(const Tin& tin, double unit_m = 1) {
+  std::string text;
+  for (const auto& [a, b, c] : tin.faces)
+    text += face("top", {tin.points[a] / unit_m, tin.points[b] / unit_m, tin.points[c] / unit_m});
+  return text;
+}
+
+TEST(Tin, FacesOfADxfAreASurface) {
+  const TempFolder folder;
+  const std::vector<float> wanted =
+      all_of(open_raster(folder.write("a.xml", landxml(surface_of(pyramid())))));
+  const auto near = ::testing::Pointwise(::testing::FloatNear(2e-6F), wanted);
+  const RasterInput metres = open_raster(folder.write("a.dxf", dxf(faces_of(pyramid()), "6")));
+  EXPECT_EQ(metres.driver, "DXF");
+  EXPECT_THAT(metres.warnings, IsEmpty());
+  EXPECT_THAT(all_of(metres), near);
+  EXPECT_THAT(all_of(open_raster(folder.write("a.dxf", dxf(faces_of(pyramid(), 0.3048), "2")))),
+              near);
+  EXPECT_THAT(open_raster(folder.write("a.dxf", dxf(faces_of(pyramid()), ""))).warnings,
+              ElementsAre(HasSubstr("gives no unit ($INSUNITS)")));
+  EXPECT_THAT(refusal(folder, folder.write("a.dxf", dxf(faces_of(pyramid()), "20"))),
+              HasSubstr("has the unit 20 of $INSUNITS"));
+  EXPECT_THAT(refusal(folder, folder.write("a.dxf", dxf("", "6"))), HasSubstr("has no surface"));
+  EXPECT_THAT(refusal(folder, folder.write("a.dxf", "rubbish")),
+              HasSubstr("is not a readable DXF"));
+}
+
+TEST(Tin, MeshesAndFoursidedFacesOfADxfAreFaces) {
+  const TempFolder folder;
+  const std::vector<Vec3> square{{0, 0, 1}, {8, 0, 1}, {8, 8, 3}, {0, 8, 3}};
+  std::string mesh =
+      groups({{0, "POLYLINE"}, {8, "mesh"}, {66, "1"}, {70, "64"}, {71, "4"}, {72, "1"}});
+  for (const Vec3& p : square)
+    mesh += groups({{0, "VERTEX"}, {8, "mesh"}}) + corner(0, p) + groups({{70, "192"}});
+  mesh += groups({{0, "VERTEX"}, {8, "mesh"}}) + corner(0, Vec3::Zero()) +
+          groups({{70, "128"}, {71, "1"}, {72, "2"}, {73, "3"}, {74, "4"}, {0, "SEQEND"}});
+  const auto file = folder.write("a.dxf", dxf(mesh + face("top", square), "6"));
+  EXPECT_THAT(refusal(folder, file), HasSubstr("has 2 surfaces, 'mesh' and 'top'; name one"));
+  for (const char* layer : {"#mesh", "#top"}) {
+    const RasterInput surface = open_raster(file.string() + layer);
+    EXPECT_THAT(surface.warnings, IsEmpty());
+    for_posts(surface, [](const Vec2& at, float z) { ASSERT_NEAR(z, 1 + at.y() / 4, 1e-6); });
+  }
+  std::vector<Vec3> warped = square;
+  warped[3].z() = 5;
+  EXPECT_THAT(open_raster(folder.write("a.dxf", dxf(face("top", warped), "6"))).warnings,
+              ElementsAre(HasSubstr("a face of four corners is not flat; it is folded")));
+}
+
+TEST(Tin, WrittenSurfacesAreReadAgain) {
+  const TempFolder folder;
+  HeightGrid grid = grid_of(40, 30, {500000.25, 5400000.75}, {0.5, 0.5});
+  std::mt19937 random(4);
+  std::normal_distribution<float> any(300, 1);
+  std::vector<float> heights(std::size_t(grid.nx) * std::size_t(grid.ny));
+  for (float& z : heights) z = any(random);
+  heights[617] = std::nanf("");
+  write_landxml(folder / "a.xml", grid, heights, "a \"b\" <c> & d", kUtm17);
+  const RasterInput surface = open_raster(folder / "a.xml");
+  EXPECT_THAT(surface.warnings, IsEmpty());
+  EXPECT_EQ(crs_label(surface.crs_wkt), "EPSG:32617");
+  EXPECT_EQ(surface.grid.first, grid.first);
+  const int fine = (surface.grid.nx - 1) / (grid.nx - 1);
+  ASSERT_EQ(surface.grid.nx, 1 + fine * (grid.nx - 1));
+  ASSERT_EQ(surface.grid.ny, 1 + fine * (grid.ny - 1));
+  const std::vector<float> all = all_of(surface);
+  for (int j = 0; j < grid.ny; ++j) {
+    for (int i = 0; i < grid.nx; ++i) {
+      const float z = heights[std::size_t(j * grid.nx + i)];
+      const float again = all[std::size_t(j * fine * surface.grid.nx + i * fine)];
+      EXPECT_EQ(std::isnan(z), std::isnan(again));
+      if (std::isnan(z)) continue;
+      EXPECT_NEAR(z, again, 5e-5);
+    }
+  }
+  const auto named = read_landxml({folder / "a.xml", "a \"b\" <c> & d"});
+  EXPECT_EQ(named.tin.points.size(), heights.size() - 1);
+}
+
+}  // namespace tin_test
+}  // namespace soilvdb::io
