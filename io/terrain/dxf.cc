@@ -67,6 +67,7 @@ class DxfReader {
 
   TinInput read() {
     check_readable(from_.file);
+    units_ = dxf_units(from_.file);
     GdalMessages messages;
     const std::string path = std::filesystem::absolute(from_.file).string();
     const char* const drivers[] = {"DXF", nullptr};
@@ -136,14 +137,16 @@ class DxfReader {
     if (corners.size() == 3) return;
     tin.faces.push_back({first, first + 2, first + 3});
     const Vec3 normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
-    layer.warped += std::abs(normal.dot(corners[1] - corners[0])) > kFlat_m * normal.norm();
+    layer.warped +=
+        units_.unit_m * std::abs(normal.dot(corners[1] - corners[0])) > kFlat_m * normal.norm();
   }
 
   TinInput chosen() {
     std::vector<std::string> names;
     for (const Layer& layer : layers_) names.push_back(layer.name);
     Layer& layer = layers_[choose_surface(from_, names)];
-    TinInput input{.tin = std::move(layer.tin)};
+    TinInput input = std::move(units_);
+    input.tin = std::move(layer.tin);
     if (layer.warped > 0)
       input.doubts.push_back(
           layer.warped == 1
@@ -153,29 +156,34 @@ class DxfReader {
                     "{} faces of four corners are not flat; they are folded from their first "
                     "corner to their third",
                     layer.warped));
-    const int code = unit_code(from_.file).value_or(0);
-    const auto unit = std::find_if(std::begin(kDxfUnits), std::end(kDxfUnits),
-                                   [&](const Unit& known) { return known.code == code; });
-    if (unit != std::end(kDxfUnits)) {
-      input.unit = unit->name;
-      input.unit_m = input.height_unit_m = unit->metres;
-    } else if (code != 0) {
-      throw InputError(
-          from_.file, fmt::format("has the unit {} of $INSUNITS; 6 is metres, 2 feet, 21 US survey "
-                                  "feet",
-                                  code));
-    } else {
-      input.doubts.emplace_back("gives no unit ($INSUNITS); its coordinates are taken as metres");
-    }
     return input;
   }
 
   const FilePart& from_;
+  TinInput units_;  ///< without its triangles
   std::vector<Layer> layers_;
   std::size_t last_ = 0;
 };
 
 }  // namespace
+
+TinInput dxf_units(const std::filesystem::path& file) {
+  TinInput units;
+  const int code = unit_code(file).value_or(0);
+  const auto unit = std::find_if(std::begin(kDxfUnits), std::end(kDxfUnits),
+                                 [&](const Unit& known) { return known.code == code; });
+  if (unit != std::end(kDxfUnits)) {
+    units.unit = unit->name;
+    units.unit_m = units.height_unit_m = unit->metres;
+  } else if (code != 0) {
+    throw InputError(file, fmt::format("has the unit {} of $INSUNITS; 6 is metres, 2 feet, 21 US "
+                                       "survey feet",
+                                       code));
+  } else {
+    units.doubts.emplace_back("gives no unit ($INSUNITS); its coordinates are taken as metres");
+  }
+  return units;
+}
 
 TinInput read_dxf(const FilePart& from) { return DxfReader(from).read(); }
 

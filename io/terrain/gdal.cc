@@ -14,6 +14,9 @@ constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIGrid", "GRASSASCIIGri
                                     "ENVI",  "HFA",     "GSAG",   "GSBG",           "GS7BG",
                                     "SAGA",  "SRTMHGT", "DTED",   "USGSDEM"};
 
+/// Formats of design surfaces and lines.
+constexpr const char* kVectorDrivers[] = {"DXF", "GeoPackage", "GeoJSON", "Shape"};
+
 GdalFunctions load() {
   const SharedLibrary library(SOILVDB_GDAL_LIBRARY, "GDAL", "rasters");
   GdalFunctions gdal;
@@ -22,7 +25,8 @@ GdalFunctions load() {
 #undef SOILVDB_GDAL_FUNCTION
   for (const char* driver : kDrivers)
     library.function<void (*)()>(std::string("GDALRegister_") + driver)();
-  library.function<void (*)()>("RegisterOGRDXF")();
+  for (const char* driver : kVectorDrivers)
+    library.function<void (*)()>(std::string("RegisterOGR") + driver)();
   return gdal;
 }
 

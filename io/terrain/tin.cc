@@ -36,17 +36,17 @@ constexpr double kHighest_m = 1e5;  // as of rasters
 
 double cross2(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-Vec2 plan(const Vec3& p) { return p.head<2>(); }
+Vec2 in_plan(const Vec3& p) { return p.head<2>(); }
 
 /// Twice the area in plan, above 0 if the corners turn left.
-double turn(const Corners& t) { return cross2(plan(t[1] - t[0]), plan(t[2] - t[0])); }
+double turn(const Corners& t) { return cross2(in_plan(t[1] - t[0]), in_plan(t[2] - t[0])); }
 
 /// The height of a face at a place on it or beside its edge. @param t turns left
 double height_at(const Corners& t, const Vec2& at) {
   double sum = 0, height = 0;
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec3 &from = t[(k + 1) % 3], &to = t[(k + 2) % 3];
-    const double weight = std::max(0.0, cross2(plan(to - from), at - plan(from)));
+    const double weight = std::max(0.0, cross2(in_plan(to - from), at - in_plan(from)));
     sum += weight;
     height += weight * t[k].z();
   }
@@ -55,17 +55,17 @@ double height_at(const Corners& t, const Vec2& at) {
 
 bool is_on(const Corners& t, const Vec2& at) {
   for (std::size_t k = 0; k < 3; ++k) {
-    const Vec2 edge = plan(t[(k + 1) % 3] - t[k]);
-    if (cross2(edge, at - plan(t[k])) < -kOn_m * edge.norm()) return false;
+    const Vec2 edge = in_plan(t[(k + 1) % 3] - t[k]);
+    if (cross2(edge, at - in_plan(t[k])) < -kOn_m * edge.norm()) return false;
   }
   return true;
 }
 
 /// The part of two faces in plan that is over both.
 std::vector<Vec2> common_part(const Corners& a, const Corners& b) {
-  std::vector<Vec2> part{plan(a[0]), plan(a[1]), plan(a[2])}, kept;
+  std::vector<Vec2> part{in_plan(a[0]), in_plan(a[1]), in_plan(a[2])}, kept;
   for (std::size_t k = 0; k < 3 && !part.empty(); ++k) {
-    const Vec2 from = plan(b[k]), edge = plan(b[(k + 1) % 3]) - from;
+    const Vec2 from = in_plan(b[k]), edge = in_plan(b[(k + 1) % 3]) - from;
     kept.clear();
     for (std::size_t i = 0, j = part.size() - 1; i < part.size(); j = i++) {
       const double u = cross2(edge, part[j] - from), v = cross2(edge, part[i] - from);
@@ -111,7 +111,7 @@ class TinHeights final : public HeightSource {
     for (std::size_t i = 0; i < tin_.faces.size(); ++i) add(i, entries);
     if (entries.empty()) throw InputError(path, "has no face with an area seen from above");
     tree_ = Tree(entries.begin(), entries.end());
-    grid_.first = plan(base);
+    grid_.first = in_plan(base);
     const Vec2 size = box_.sizes().head<2>();
     double spacing_m = kLeastSpacing_m;
     while ((size.x() / spacing_m + 2) * (size.y() / spacing_m + 2) > kMostTinPosts) spacing_m *= 2;
@@ -189,7 +189,7 @@ class TinHeights final : public HeightSource {
     const double area = turn(t);
     double longest = 0, low = t[0].z(), high = low;
     for (std::size_t k = 0; k < 3; ++k) {
-      longest = std::max(longest, plan(t[(k + 1) % 3] - t[k]).norm());
+      longest = std::max(longest, in_plan(t[(k + 1) % 3] - t[k]).norm());
       low = std::min(low, t[k].z());
       high = std::max(high, t[k].z());
     }
@@ -200,8 +200,8 @@ class TinHeights final : public HeightSource {
     }
     if (area < 0) std::swap(tin_.faces[face][1], tin_.faces[face][2]);
     TinPoint least(1e300, 1e300), most(-1e300, -1e300);
-    const Vec2 lower = plan(t[0]).cwiseMin(plan(t[1])).cwiseMin(plan(t[2])),
-               upper = plan(t[0]).cwiseMax(plan(t[1])).cwiseMax(plan(t[2]));
+    const Vec2 lower = in_plan(t[0]).cwiseMin(in_plan(t[1])).cwiseMin(in_plan(t[2])),
+               upper = in_plan(t[0]).cwiseMax(in_plan(t[1])).cwiseMax(in_plan(t[2]));
     least = TinPoint(lower.x() - kOn_m, lower.y() - kOn_m);
     most = TinPoint(upper.x() + kOn_m, upper.y() + kOn_m);
     entries.emplace_back(TinBox(least, most), static_cast<std::uint32_t>(face));

@@ -33,6 +33,8 @@ struct TinInput {
 /// @throw InputError unless the file has one surface of triangles, or one of the name
 TinInput read_landxml(const FilePart& from);
 TinInput read_dxf(const FilePart& from);
+/// The units of a DXF, without triangles. @throw InputError for an unknown one
+TinInput dxf_units(const std::filesystem::path& file);
 
 /// A surface in metres as posts. They span the bounds of its faces, at most 2^24 of them, and
 /// are at least 1/32 m apart. Their heights are exact, of the highest face; those beside all faces

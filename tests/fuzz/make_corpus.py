@@ -164,6 +164,13 @@ def tins():
   for name, entities in {'dxf_faces': three + four, 'dxf_mesh': mesh, 'dxf_both': three + mesh}.items():
     write('tin', name, '\1' + groups(*header, (0, 'SECTION'), (2, 'ENTITIES'), *entities, (0, 'ENDSEC'),
                                      (0, 'EOF')))
+  write('tin', 'dxf_lines', '\2' + groups(*header, (0, 'SECTION'), (2, 'ENTITIES'), (0, 'LINE'), (8, 'axis'),
+                                         *corners((0, 0, 0), (9, 9, 1)), (0, 'ENDSEC'), (0, 'EOF')))
+  write('tin', 'geojson_lines', '\3' + json.dumps({
+    'type': 'FeatureCollection', 'crs': {'type': 'name', 'properties': {'name': 'EPSG:32632'}},
+    'features': [{'type': 'Feature', 'properties': {}, 'geometry': {'type': kind, 'coordinates': places}}
+                 for kind, places in (('LineString', [[5e5, 5e6], [5e5, 5000009.5]]),
+                                      ('Polygon', [[[5e5, 5e6, 1], [500009, 5e6, 2], [5e5, 5000009, 3], [5e5, 5e6, 1]]]))]}))
 
 
 def mcaps(work):

@@ -1,9 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Surfaces of triangles: LandXML, or DXF if the first byte is odd.
+// Surfaces of triangles in LandXML or DXF, and lines in DXF or GeoJSON, by the first byte.
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <vector>
 
+#include "io/terrain/design_lines.h"
 #include "soilvdb/io/raster.h"
 #include "tests/fuzz/fuzz.h"
 
@@ -28,9 +31,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(loaded, "a surface of one face is read");
   if (size < 1) return 0;
   const test::TempFolder folder;
-  const auto file =
-      folder.write(data[0] % 2 == 1 ? "a.dxf" : "a.xml", fuzz::text(data + 1, size - 1));
+  constexpr const char* kNames[] = {"a.xml", "a.dxf", "a.dxf", "a.geojson"};
+  const std::size_t kind = data[0] % std::size(kNames);
+  const auto file = folder.write(kNames[kind], fuzz::text(data + 1, size - 1));
   fuzz::expect_read_or_refused([&] {
+    if (kind >= 2) {
+      for (const auto& line : io::read_lines(file, "").lines)
+        fuzz::require(line.size() >= 2, "a line has points");
+      return;
+    }
     const io::RasterInput surface = io::open_raster(file);
     const HeightGrid& grid = surface.grid;
     fuzz::require(grid.nx >= 2 && grid.ny >= 2 && double(grid.nx) * grid.ny <= 1 << 24,

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Volumes between surfaces: what can't be compared is told, and of what was compared the area."""
 
+import json
 import subprocess
 
 import numpy as np
@@ -117,7 +118,7 @@ def test_a_surface_of_triangles_is_a_design(site, tmp_path, unit):
     with served(site, "pit.xml#pit") as server:
         left = server.json(box(105, 205, 132, 235))
         place = server.json("/height?x=114&y=220")
-        told = [line for line in server.stop().splitlines() if "warning" in line]
+        told = [line for line in server.stop().splitlines() if "the design" in line]
     assert left["to_cut_m3"] == pytest.approx(volume, rel=2e-3) and left["to_fill_m3"] == 0
     # Posts are 1/32 m apart, and what is between the last of them and the rim has no height.
     assert area - 2 * np.pi * 8 / 32 * np.sqrt(2) < left["design_area_m2"] < area + 0.1
@@ -134,5 +135,43 @@ def test_a_design_of_several_surfaces_or_elsewhere_is_told(site, tmp_path):
     (tmp_path / "two.xml").write_text(text.replace("</Surfaces>", surface.replace("pit", "deep") + "</Surfaces>"))
     refusal = subprocess.run([PROGRAM, "serve", site, "--port", "0", "--design", "two.xml"], cwd=tmp_path, text=True,
                              capture_output=True, check=False)
-    assert refusal.returncode == 2 and len(refusal.stderr.splitlines()) == 1
-    assert "two.xml: has 2 surfaces, 'pit' and 'deep'; name one, as in two.xml#pit" in refusal.stderr
+    assert refusal.returncode == 2
+    assert "two.xml: has 2 surfaces, 'pit' and 'deep'; name one, as in two.xml#pit" in refusal.stderr.splitlines()[-1]
+
+
+def test_lines_of_a_design_are_brought_to_the_site(site, tmp_path):
+    def line(*places):
+        return {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": places}}
+    (tmp_path / "plan.geojson").write_text(json.dumps({
+        "type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}},
+        "features": [line((101, 201), (111, 201)), line((105, 205, 12.5), (105, 215, 13)), line((134, 210), (139, 210))]}))
+    subprocess.run(["ogr2ogr", "-t_srs", "EPSG:4326", "plan.gpkg", "plan.geojson"], cwd=tmp_path, check=True)
+    for file in ("plan.geojson", "plan.gpkg"):
+        with Server(site, "--lines", file, "--out", tmp_path / file[-4:], cwd=tmp_path) as server:
+            on_ground, given, at_rim = server.json("/lines")["lines"]
+            assert not [line for line in server.stop().splitlines() if file in line and "warning" in line]
+        # Each half metre on the ground, up to where it has none: 136 m, half a post from the last.
+        np.testing.assert_allclose(on_ground, [(101 + k / 2, 201, 10) for k in range(21)], atol=2e-3)
+        np.testing.assert_allclose(given, [(105, 205, 12.5), (105, 215, 13)], atol=2e-3)
+        assert at_rim[0] == pytest.approx([134, 210, 10], abs=2e-3) and at_rim[-1][0] == pytest.approx(135.5, abs=2e-3)
+    with served(site) as server:
+        assert "takes some by --lines" in refused(server, "/lines")
+    plane = tmp_path / "plane.yaml"
+    plane.write_text(site.read_text().replace("raster: ground.tif", "plane: {z: 0.0}"))
+    refusal = subprocess.run([PROGRAM, "serve", plane, "--port", "0", "--lines", "plan.gpkg"], cwd=tmp_path, text=True,
+                             capture_output=True, check=False)
+    assert refusal.returncode == 2
+    assert "plan.gpkg: has coordinates in EPSG:4326, and the terrain has no CRS" in refusal.stderr.splitlines()[-1]
+
+
+def test_lines_of_a_dxf_are_in_its_unit(site, tmp_path):
+    def line(*places):
+        values = [(10 * axis + 10 + n, v / 0.3048) for n, place in enumerate(places) for axis, v in enumerate(place)]
+        return "".join(f"{code}\n{value}\n" for code, value in [(0, "LINE"), (8, "0"), *values])
+    head = "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n2\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n"
+    (tmp_path / "plan.dxf").write_text(
+        head + line((101, 201, 0), (101.5, 201, 0)) + line((105, 205, 0), (105, 215, 13)) + "0\nENDSEC\n0\nEOF\n")
+    with Server(site, "--lines", "plan.dxf", "--out", tmp_path / "out", cwd=tmp_path) as server:
+        on_ground, given = server.json("/lines")["lines"]
+    np.testing.assert_allclose(on_ground, [(101, 201, 10), (101.5, 201, 10)], atol=1e-3)
+    np.testing.assert_allclose(given, [(105, 205, 0), (105, 215, 13)], atol=1e-3)

@@ -169,6 +169,29 @@ looking('what remains to a design has colours also where nothing was dug', () =>
   assert.ok(await saturation(...outside) < 0.25);
 });
 
+looking('lines of a design are drawn over the ground, on it where they have no heights', () => {
+  const line = (...at) => ({type: 'Feature', properties: {}, geometry: {type: 'LineString', coordinates: at}});
+  fs.writeFileSync(path.join(work, 'lines.geojson'), JSON.stringify({
+    type: 'FeatureCollection', crs: {type: 'name', properties: {name: 'urn:ogc:def:crs:EPSG::32632'}},
+    features: [line([512337, 5403630], [512337, 5403650]), line([512353, 5403630, 440], [512353, 5403650, 440])],
+  }));
+  return [done, '--lines', path.join(work, 'lines.geojson')];
+}, async (page) => {
+  await page.waitForFunction(() => window.soilvdb.lines() === 41);   // 20 m at 0.5 m, and one by its heights
+  await page.click('#whole');
+  await site.settled(page);
+  await site.drawn(page);
+  const pink = async ([px, py]) => {
+    const pixels = await site.pixelsIn(page, {x: px - 4, y: py - 4, width: 9, height: 9});
+    return pixels.some(([r, g, b]) => r > g + 60 && b > g + 40);
+  };
+  const at = (place) => page.evaluate((p) => window.soilvdb.project([p[0], p[1], p[2] ?? window.soilvdb.height(p[0], p[1])]), place);
+  assert.ok(await pink(await at([512337, 5403640.3])));
+  assert.ok(await pink(await at([512353, 5403640.3, 440])));
+  assert.ok(!await pink(await at([512353, 5403640.3])));
+  assert.ok(!await pink(await at([512345, 5403648])));
+});
+
 looking('on a phone nothing is wider than the screen or under what is over the picture, and all panels can be opened', recorded, async (page) => {
   const fits = async () => assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= 360 && document.body.scrollWidth <= 360));
   await fits();

@@ -57,7 +57,7 @@ struct ServeOptions {
   bool public_view = false;     ///< nobody who looks needs a token
   std::string base_path;        ///< "/dig" or empty
   std::optional<double> speed;  ///< factor at which the scenario's motions are played
-  std::optional<std::filesystem::path> design;
+  std::optional<std::filesystem::path> design, lines;
   std::optional<std::filesystem::path> boundary;  ///< corners that machines must not leave
   bool feed_stdin = false;
 };

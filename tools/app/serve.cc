@@ -21,6 +21,7 @@
 #include "tools/run/run.h"
 #include "tools/run/text.h"
 #include "tools/serve/alarms.h"
+#include "tools/serve/drawn_lines.h"
 #include "tools/serve/measures.h"
 #include "tools/serve/player.h"
 #include "tools/serve/server.h"
@@ -64,6 +65,22 @@ std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>&
              "the terrain", site.crs_wkt, "the design " + file->string(), raster.crs_wkt))
       say("warning: " + difference);
   return make_height_field(raster.grid, raster.source);
+}
+
+std::string open_lines(const std::optional<fs::path>& file, const io::Site& site) {
+  if (!file) return "";
+  const io::DesignLines lines = io::read_lines(*file, site.crs_wkt);
+  const bool on_plane = std::holds_alternative<io::PlaneTerrain>(site.undug().terrain);
+  for (const std::string& warning : lines.warnings) say("warning: " + warning);
+  Eigen::AlignedBox2d around;
+  for (const std::vector<Vec3>& line : lines.lines)
+    for (const Vec3& p : line) around.extend(Vec2(p.head<2>()));
+  if (!on_plane && !site.bounds.isEmpty() && !site.bounds.intersects(around))
+    say(fmt::format(
+        "warning: the lines of {} don't meet the terrain: they are at {:.0f}, {:.0f} to "
+        "{:.0f}, {:.0f}",
+        file->string(), around.min().x(), around.min().y(), around.max().x(), around.max().y()));
+  return drawn_lines(lines, site);
 }
 
 /// Refuses receivers whose positions can't be brought into the site, before any comes.
@@ -176,6 +193,7 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   all.takes_feeds = false;
   all.measures = options.scenario / kMeasuresName;
+  all.lines = open_lines(options.lines, site.session().site());
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
   say_where(server);
@@ -221,6 +239,7 @@ std::string command_again(const ServeOptions& options) {
   };
   add("--out", options.out);
   add("--design", options.design);
+  add("--lines", options.lines);
   add("--boundary", options.boundary);
   add("--token-file", options.token_file);
   add("--view-token-file", options.view_token_file);
@@ -255,6 +274,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
     recording.snapshot_every_s = kSnapshotEvery_s;
     recording.incremental = true;
   }
+  all.lines = open_lines(options.lines, site.session().site());
   all.raster_cell_m = scenario.raster_cell_m;
   all.folder = recording.folder;
   all.measures = recording.folder / kMeasuresName;

@@ -210,6 +210,9 @@ class CommandLine {
                     "design surface to compare the ground with: a raster, or the triangles of a "
                     "LandXML (.xml) or DXF; one of several surfaces as FILE#NAME")
         ->type_name("FILE");
+    sub->add_option("--lines", serve_.lines,
+                    "lines of a design to draw: DXF, GeoPackage, GeoJSON or Shapefile")
+        ->type_name("FILE");
     sub->add_option("--boundary", serve_.boundary,
                     "boundary that machines must not leave: a line x,y for each corner")
         ->type_name("FILE");

@@ -260,8 +260,10 @@ void bind_values(py::module_& m) {
       "raster", py::overload_cast<const py::object&, const py::object&, const py::object&>(&raster),
       py::arg("source"), py::kw_only(), py::arg("origin") = py::none(),
       py::arg("cell") = py::none(),
-      "Heights from a file that GDAL reads, such as GeoTIFF or .asc, of triangles in LandXML or DXF, "
-      "or from an array (ny, nx), m, kept as float32: linear between posts, NaN where there is no ground. With an array, origin: "
+      "Heights from a file that GDAL reads, such as GeoTIFF or .asc, of triangles in LandXML or "
+      "DXF, or from an array (ny, nx), m, kept as float32: linear between posts, NaN where there "
+      "is "
+      "no ground. With an array, origin: "
       "(x, y) of the post [0, 0], world, m; row 0 has the lowest y. cell: distance of posts, m. "
       "Site.write() writes an array's heights beside the snapshot; such a site can't be recorded. "
       "Raises ValueError for an array that is no terrain.");

@@ -345,6 +345,12 @@ void ServerState::answer(const std::string& text, const std::string& client,
           },
           done);
     }
+    if (path == "/lines") {
+      const QueryParameters parameters(*target, {});
+      if (options.lines.empty())
+        throw std::invalid_argument("there are no lines; soilvdb serve takes some by --lines");
+      return done({200, "application/json", deflated(options.lines), {}, true});
+    }
     if (path == "/machines") {
       const QueryParameters parameters(*target, {});
       return done(json_reply(site.feeds()));
@@ -464,7 +470,7 @@ void ServerState::answer(const std::string& text, const std::string& client,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
                  "/mesh.glb, /machines, /machines.csv, /measures, /measures.geojson, "
                  "/measures.csv, /progress, /report, /report.csv, /alarms, /undo, /height, "
-                 "/section, /volume and /terrain"));
+                 "/section, /volume, /terrain and /lines"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

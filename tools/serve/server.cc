@@ -181,6 +181,7 @@ Bytes ServerState::description() {
   json["terrain"] = terrain->description();
   json["crs"] = io::crs_label(site.session().site().crs_wkt);
   json["design"] = design != nullptr;
+  json["lines"] = !options.lines.empty();
   json["times"] = times();
   return std::make_shared<const std::string>(io::to_text(json));
 }

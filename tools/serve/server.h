@@ -30,6 +30,7 @@ struct ServerOptions {
   std::filesystem::path page = {};   ///< folder of index.html, view.js and view.css
   std::optional<double> raster_cell_m = {};  ///< of surface.tif; default: the voxel size
   std::vector<Vec2> boundary = {};           ///< that machines must not leave; empty: none
+  std::string lines = {};                    ///< answer of /lines; empty: none
   std::filesystem::path folder = {};         ///< of the recording, whose disk may fill; or empty
   std::filesystem::path mcap_folder = {};    ///< empty: no MCAP is recorded
   std::filesystem::path measures = {};       ///< file of measures that have names; empty: none stay

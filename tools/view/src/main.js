@@ -8,6 +8,7 @@ import * as format from './format.js';
 import {GroundPick} from './ground_pick.js';
 import {GroundUniforms} from './ground_uniforms.js';
 import {Controls, drawScale} from './controls.js';
+import {designLines} from './design_lines.js';
 import {Forces} from './forces.js';
 import {fillHelp} from './help.js';
 import {Legend} from './legend.js';
@@ -83,7 +84,18 @@ class Page {
     this.sceneView.beforeRender.push(() => this.beforeRender());
     this.sceneView.afterFrame.push(() => this.afterFrame());
     this.setTimes(site.times);
+    if (site.lines) this.drawLines();
     handle(this);
+  }
+
+  async drawLines() {
+    try {
+      this.lines = designLines((await api.getJson('/lines')).lines, this.origin);
+      this.sceneView.scene.add(this.lines);
+      this.sceneView.changed();
+    } catch (error) {
+      hint(`The lines of the design did not come: ${error.message}`, 6);
+    }
   }
 
   /** World coordinates of a place of the scene. */

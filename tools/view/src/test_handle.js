@@ -16,6 +16,8 @@ export function handle(page) {
     time: () => page.shownTimes().time ?? page.live?.time_s ?? null,
     /** Name and drawn position of each machine, and the arrow of its force from there, m. */
     machines: () => page.machines.places.map(({name, position, arrow}) => ({name, position: position && page.world(position), arrow: arrow && arrow.toArray()})),
+    /** Segments of the design's lines that are drawn. */
+    lines: () => (page.lines ? page.lines.geometry.getAttribute('position').count / 2 : 0),
     frames: () => page.sceneView.frames,
     memory: () => ({...page.sceneView.renderer.info.memory}),
     /** Window pixel of a place in the world, or null. */
