@@ -21,7 +21,7 @@ std::uint32_t crc32(std::string_view bytes, std::uint32_t before) {
 }
 
 std::string file_fingerprint(const std::filesystem::path& path, bool whole) {
-  const std::filesystem::path file = file_part(path).file;
+  const auto [file, part] = file_part(path);
   constexpr std::uint64_t kBlock = 64 * 1024, kBlocks = 64;
   check_readable(file);
   const std::uint64_t size = std::filesystem::file_size(file);
@@ -40,6 +40,7 @@ std::string file_fingerprint(const std::filesystem::path& path, bool whole) {
     }
     crc = crc64(block, crc);
   }
+  if (!part.empty()) crc = crc64(part, crc);  // surfaces of one file are not the same
   return fmt::format("{:016x}", crc);
 }
 

@@ -130,7 +130,7 @@ class DxfReader {
     Layer& layer = layer_of(name);
     Tin& tin = layer.tin;
     if (tin.faces.size() + 2 > kMostTinFaces || tin.points.size() + 4 > kMostTinPoints)
-      throw InputError(from_.file, "has more than 30 million corners");
+      throw InputError(from_.file, "has more than 10 million corners");
     const auto first = static_cast<std::uint32_t>(tin.points.size());
     tin.points.insert(tin.points.end(), corners.begin(), corners.end());
     tin.faces.push_back({first, first + 1, first + 2});

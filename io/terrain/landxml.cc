@@ -212,7 +212,7 @@ class LandXmlReader {
       fail(fmt::format("point '{}' is '{}'; it must be northing, easting and elevation",
                        printable(id_), printable(text_)));
     Tin& tin = input_.tin;
-    if (tin.points.size() == kMostTinPoints) fail("has more than 30 million points");
+    if (tin.points.size() == kMostTinPoints) fail("has more than 10 million points");
     if (!ids_.emplace(id_, static_cast<std::uint32_t>(tin.points.size())).second)
       fail(fmt::format("there are two points '{}'", printable(id_)));
     tin.points.emplace_back((*point)[1], (*point)[0], (*point)[2]);
@@ -236,7 +236,7 @@ class LandXmlReader {
     }
     if (count != face.size())
       fail(fmt::format("face '{}' has {} points; 3 are needed", printable(text_), count));
-    if (input_.tin.faces.size() == kMostTinFaces) fail("has more than 60 million faces");
+    if (input_.tin.faces.size() == kMostTinFaces) fail("has more than 20 million faces");
     input_.tin.faces.push_back(face);
   }
 

@@ -32,7 +32,8 @@ constexpr double kMostTinPosts = 1 << 24, kLeastSpacing_m = 1.0 / 32;
 constexpr double kOn_m = 1e-6;
 /// Faces that lie over one another by less, in plan or in height, do so by rounding.
 constexpr double kRounding_m = 0.001;
-constexpr double kHighest_m = 1e5;  // as of rasters
+constexpr double kHighest_m = 1e5;     // as of rasters
+constexpr double kMostFacesOver = 32;  // one another, on average
 
 double cross2(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
@@ -53,12 +54,29 @@ double height_at(const Corners& t, const Vec2& at) {
   return height / sum;
 }
 
-bool is_on(const Corners& t, const Vec2& at) {
+/// The part of a row of places that is on a face, from low x to high. @param t turns left
+std::pair<double, double> span_at(const Corners& t, double y) {
+  double low = -std::numeric_limits<double>::infinity(), high = -low;
   for (std::size_t k = 0; k < 3; ++k) {
-    const Vec2 edge = in_plan(t[(k + 1) % 3] - t[k]);
-    if (cross2(edge, at - in_plan(t[k])) < -kOn_m * edge.norm()) return false;
+    const Vec2 from = in_plan(t[k]), edge = in_plan(t[(k + 1) % 3]) - from;
+    const double slack = edge.x() * (y - from.y()) + kOn_m * edge.norm();
+    if (edge.y() > 0) high = std::min(high, from.x() + slack / edge.y());
+    if (edge.y() < 0) low = std::max(low, from.x() + slack / edge.y());
+    if (edge.y() == 0 && slack < 0) return {0, -1};
   }
-  return true;
+  return {low, high};
+}
+
+/// Is a face beside an edge of another, or nearly so?
+bool is_beside(const Corners& face, const Corners& other) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2 from = in_plan(other[k]), edge = in_plan(other[(k + 1) % 3]) - from;
+    const auto outside = [&](const Vec3& p) {
+      return cross2(edge, in_plan(p) - from) <= kRounding_m * edge.norm();
+    };
+    if (outside(face[0]) && outside(face[1]) && outside(face[2])) return true;
+  }
+  return false;
 }
 
 /// The part of two faces in plan that is over both.
@@ -104,7 +122,7 @@ class TinHeights final : public HeightSource {
   TinHeights(const std::filesystem::path& path, Tin tin) : path_(path), tin_(std::move(tin)) {
     for (const auto& face : tin_.faces)
       for (const std::uint32_t corner : face) box_.extend(tin_.points[corner]);
-    // "base" is not within the coordinates' rounding, wherever they lie.
+    // So rounding is the same wherever the surface lies.
     const Vec3 base(box_.min().x(), box_.min().y(), 0);
     for (Vec3& p : tin_.points) p -= base;
     std::vector<Entry> entries;
@@ -121,6 +139,7 @@ class TinHeights final : public HeightSource {
     grid_.nx = posts(size.x());
     grid_.ny = posts(size.y());
     grid_.spacing = size.cwiseQuotient(Vec2(grid_.nx - 1, grid_.ny - 1));
+    if (area_m2_ > kMostFacesOver * size.prod()) fail_as_pile();
     find_overlap();
   }
 
@@ -147,18 +166,17 @@ class TinHeights final : public HeightSource {
                high = grid_.spacing.cwiseProduct(Vec2(x0 + nx - 1, y0 + ny - 1));
     const auto draw = [&](const Entry& entry) {
       const Corners t = corners(entry.second);
-      const auto post = [&](double at, Eigen::Index axis) { return at / grid_.spacing[axis]; };
       const TinBox& b = entry.first;
-      const int i0 = first_post(post(b.min_corner().get<0>(), 0), x0),
-                i1 = last_post(post(b.max_corner().get<0>(), 0), x0 + nx - 1),
-                j0 = first_post(post(b.min_corner().get<1>(), 1), y0),
-                j1 = last_post(post(b.max_corner().get<1>(), 1), y0 + ny - 1);
+      const int j0 = first_post(b.min_corner().get<1>() / grid_.spacing.y(), y0),
+                j1 = last_post(b.max_corner().get<1>() / grid_.spacing.y(), y0 + ny - 1);
       for (int j = j0; j <= j1; ++j) {
+        const auto [from, to] = span_at(t, j * grid_.spacing.y());
+        const int i0 = first_post(from / grid_.spacing.x(), x0),
+                  i1 = last_post(to / grid_.spacing.x(), x0 + nx - 1);
         for (int i = i0; i <= i1; ++i) {
-          const Vec2 at = grid_.spacing.cwiseProduct(Vec2(i, j));
-          if (!is_on(t, at)) continue;
           float& z = out[std::size_t(j - y0) * std::size_t(nx) + std::size_t(i - x0)];
-          const auto height = static_cast<float>(height_at(t, at));
+          const auto height =
+              static_cast<float>(height_at(t, grid_.spacing.cwiseProduct(Vec2(i, j))));
           if (!(z >= height)) z = height;  // NaN, too
         }
       }
@@ -172,10 +190,10 @@ class TinHeights final : public HeightSource {
   using Tree = index::rtree<Entry, index::quadratic<16>>;
 
   static int first_post(double at, int least) {
-    return static_cast<int>(std::max(std::ceil(at - 1e-9), double(least)));
+    return static_cast<int>(std::ceil(std::clamp(at - 1e-9, double(least), 1e9)));
   }
   static int last_post(double at, int most) {
-    return static_cast<int>(std::min(std::floor(at + 1e-9), double(most)));
+    return static_cast<int>(std::floor(std::clamp(at + 1e-9, -1e9, double(most))));
   }
 
   Corners corners(std::uint32_t face) const {
@@ -198,6 +216,7 @@ class TinHeights final : public HeightSource {
                    (t[1] - t[0]).cross(t[2] - t[0]).norm() > kRounding_m * longest;
       return;
     }
+    area_m2_ += std::abs(area) / 2;
     if (area < 0) std::swap(tin_.faces[face][1], tin_.faces[face][2]);
     TinPoint least(1e300, 1e300), most(-1e300, -1e300);
     const Vec2 lower = in_plan(t[0]).cwiseMin(in_plan(t[1])).cwiseMin(in_plan(t[2])),
@@ -207,16 +226,20 @@ class TinHeights final : public HeightSource {
     entries.emplace_back(TinBox(least, most), static_cast<std::uint32_t>(face));
   }
 
+  [[noreturn]] void fail_as_pile() const {
+    throw InputError(path_, "has too many faces over one another to be a surface");
+  }
+
   /// The first face of which another has another height. @throw InputError for a pile of faces
   void find_overlap() {
-    std::int64_t left = 50'000'000 + 100 * static_cast<std::int64_t>(tin_.faces.size());
+    std::int64_t left = 2'000'000 + 200 * static_cast<std::int64_t>(tin_.faces.size());
     for (const auto& [box, face] : tree_) {
       const Corners t = corners(face);
       const auto compare = [&, own = face](const Entry& entry) {
-        if (--left < 0)
-          throw InputError(path_, "has too many faces over one another to be a surface");
         if (entry.second <= own) return;
+        if (--left < 0) fail_as_pile();
         const Corners other = corners(entry.second);
+        if (is_beside(t, other) || is_beside(other, t)) return;
         const std::vector<Vec2> part = common_part(t, other);
         if (part.size() < 3 || width_of(part) <= kRounding_m) return;
         for (const Vec2& at : part) {
@@ -237,6 +260,7 @@ class TinHeights final : public HeightSource {
   Tree tree_;
   HeightGrid grid_;
   Eigen::AlignedBox3d box_;
+  double area_m2_ = 0;  ///< of all faces in plan
   std::size_t vertical_ = 0;
   std::optional<Overlap> overlap_;
   std::uint32_t first_ = 0;

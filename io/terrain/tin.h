@@ -19,7 +19,7 @@ struct Tin {
   std::vector<std::array<std::uint32_t, 3>> faces;  ///< of points, in any turn
 };
 
-inline constexpr std::size_t kMostTinPoints = 30'000'000, kMostTinFaces = 60'000'000;
+inline constexpr std::size_t kMostTinPoints = 10'000'000, kMostTinFaces = 20'000'000;
 
 /// A surface in the units of its file.
 struct TinInput {

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "io/terrain/crs.h"
+#include "soilvdb/io/checksum.h"
 #include "tests/support/raster_fixture.h"
 #include "tests/support/temp_folder.h"
 
@@ -281,6 +282,9 @@ TEST(Tin, OneOfSeveralSurfacesIsNamed) {
               HasSubstr("has no surface 'sub', but 'as built' and 'Sub#1'; name one"));
   EXPECT_EQ(open_raster(file.string() + "#Sub#1").grid.first, Vec2(0, 0));
   EXPECT_EQ(open_raster(file.string() + "#as built").grid.first, Vec2(500000, 5400000));
+  EXPECT_NE(file_fingerprint(file.string() + "#Sub#1"),
+            file_fingerprint(file.string() + "#as built"))
+      << "they are different terrain";
   EXPECT_THAT(refusal(folder, folder / "b.xml#a"), HasSubstr("b.xml: no such file"));
   folder.write("a.xml#a.xml", landxml(surface_of(pyramid({5, 6}))));
   EXPECT_EQ(open_raster(folder / "a.xml#a.xml").grid.first, Vec2(5, 6)) << "a file's own name";
@@ -318,6 +322,8 @@ TEST(Tin, WrongFilesAreRefusedInOneLine) {
   Tin flat = pyramid();
   flat.faces.clear();
   EXPECT_THAT(said(landxml(surface_of(flat))), HasSubstr("has 5 points and no visible faces"));
+  flat.faces.assign(200, {0, 1, 2});
+  EXPECT_THAT(said(landxml(surface_of(flat))), HasSubstr("too many faces over one another"));
   flat.faces = {{0, 0, 1}};
   EXPECT_THAT(said(landxml(surface_of(flat))), HasSubstr("no face with an area seen from above"));
 }

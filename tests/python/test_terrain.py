@@ -306,5 +306,7 @@ def test_a_snapshot_on_triangles_is_complete(tmp_path):
     assert later.heights([(4, 10), (10.5, 10)]) == pytest.approx([6, 5.5], abs=0.05)
     verified = subprocess.run([PROGRAM, "verify", "out"], cwd=tmp_path / "b", capture_output=True, text=True, check=False)
     assert verified.returncode == 0, verified.stderr
+    other = site_on(soilvdb.raster(tmp_path / "b" / "site.xml#then"))
+    assert other.heights([(10.5, 10)]) == pytest.approx([2], abs=0.01)
     with pytest.raises(ValueError, match="has 2 surfaces, 'now' and 'then'; name one, as in site.xml#now"):
         site_on(soilvdb.raster(tmp_path / "b" / "site.xml"))
