@@ -111,7 +111,7 @@ class LineReader {
 
   void add(OGRGeometryH geometry, int depth) {
     constexpr int kMostNested = 10;
-    const OGRwkbGeometryType type = wkbFlatten(gdal().OGR_G_GetGeometryType(geometry));
+    const OGRwkbGeometryType type = gdal().OGR_GT_Flatten(gdal().OGR_G_GetGeometryType(geometry));
     if (type == wkbLineString || type == wkbLinearRing) return add_line(geometry);
     if (depth == kMostNested) return;
     const int parts = type == wkbPoint ? 0 : gdal().OGR_G_GetGeometryCount(geometry);

@@ -14,7 +14,7 @@ namespace soilvdb::tools {
 namespace {
 
 /// Distance of the points of lines on the ground: the least, and how many there are at most.
-constexpr double kLeastStep_m = 0.5, kMostPoints = 100'000;
+constexpr double kLeastStep_m = 0.5, kMostLaid = 100'000;
 
 double rounded(double metres) { return std::round(metres * 1000) / 1000; }
 
@@ -39,7 +39,7 @@ std::string drawn_lines(const io::DesignLines& lines, const io::Site& site) {
   for (const std::vector<Vec3>& line : lines.lines)
     for (std::size_t i = 1; i < line.size(); ++i)
       if (std::isnan(line[i].z())) length_m += (line[i] - line[i - 1]).head<2>().norm();
-  const double step_m = std::max(kLeastStep_m, length_m / kMostPoints);
+  const double step_m = std::max(kLeastStep_m, length_m / kMostLaid);
   const InitialTerrain& ground = site.ground->initial_terrain();
   Pen pen;
   const auto lay = [&](const Vec2& at) {
