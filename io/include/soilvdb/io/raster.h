@@ -31,8 +31,10 @@ struct RasterInput {
 /// -32767 m, which often mark voids. A declared NODATA holds, even if it is 0.
 ///
 /// Formats: GeoTIFF and COG, Esri ASCII, binary and .bil, GRASS ASCII, ENVI, Erdas .img, Surfer
-/// grids, SAGA, SRTM .hgt, DTED, USGS DEM. Other formats of GDAL must be converted first (VRT and
-/// the like refer to other files and addresses); the error gives the command.
+/// grids, SAGA, SRTM .hgt, DTED, USGS DEM; triangles of LandXML and DXF, one of several surfaces as
+/// "site.xml#Name", at posts over their bounds, with units and CRS in metres. Other formats of GDAL
+/// must be converted first (VRT and the like refer to other files and addresses); the error gives
+/// the command.
 /// @throw InputError if the file is missing, damaged, not a raster of heights, without a position,
 ///        rotated, in degrees or feet (with the command that converts it), or without any height.
 ///        The source's read() throws std::runtime_error naming the file if damage shows later.
