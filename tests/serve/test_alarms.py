@@ -42,6 +42,8 @@ def test_a_bucket_below_the_design_or_outside_the_boundary_alarms(tmp_path):
                 assert kinds(server) == {}, "finest work"
                 await feed(socket, at(0, 0, -0.2))
                 assert kinds(server) == {("below_design", "digger"): "its lip is 0.20 m below the design"}
+                by_m = {alarm["kind"]: alarm.get("by_m") for alarm in server.json("/alarms")}
+                assert abs(by_m["below_design"] - 0.2) < 1e-9 and by_m.get("disk") is None
                 # Tilted by 0.3 rad, an end of the lip is 0.18 m lower than its middle.
                 await feed(socket, at(0, 0, 0.1, rotation=[0.14943813, 0, 0, 0.98877108]))
                 assert kinds(server) == {("below_design", "digger"): "its lip is 0.08 m below the design"}

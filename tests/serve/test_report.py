@@ -202,6 +202,35 @@ def test_periods_are_whole_multiples_and_ends_are_cut_off(tmp_path):
 
 
 def test_units_are_in_the_headers_and_are_those_of_the_trade(tmp_path):
+    """Of any choice and in any order, by the exact definitions; bank and loose differ by swell."""
+    rng = random.Random()
+    with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        feed(server, cycle("digger", 0.0, 0.0))
+        counted = report(server)[-1]
+        m3 = {"cut": ("bank", float(counted["cut_m3_bank"])), "put_down": ("loose", float(counted["put_down_m3_loose"]))}
+        assert all(value > 0 for _, value in m3.values())
+        for _ in range(12):
+            volume, mass = rng.choice(["m3", "yd3"]), rng.choice(["t", "short_tons"])
+            soil, length = rng.choice(["counted", "bank", "loose"]), rng.choice(["m", "ft", "us_ft"])
+            words = [volume, mass, soil, length]
+            rng.shuffle(words)
+            row = report(server, "?units=" + ",".join(words))[-1]
+            for name, (is_soil, value) in m3.items():
+                wanted = is_soil if soil == "counted" else soil
+                if wanted != is_soil:
+                    value = value * (BANK_UNITS / UNITS_PER_SAMPLE) ** (1 if wanted == "loose" else -1)
+                value /= {"m3": 1, "yd3": 0.9144 ** 3}[volume]
+                assert float(row[f"{name}_{volume}_{wanted}"]) == pytest.approx(value, rel=1e-14), (words, name)
+            kg = float(counted["load_t"]) * 1000
+            assert float(row[f"load_{mass}"]) == pytest.approx(kg / {"t": 1000, "short_tons": 907.18474}[mass], rel=1e-14)
+            page = server.get("/report?units=" + ",".join(words))[1].decode()
+            links = re.findall(r'href="report[.]csv([^"]*)"', page)
+            assert report(server, links[0].replace("&amp;", "&"))[-1] == row, "its link keeps the units"
+            if length != "m":
+                assert re.search(rf'href="./#units={length},', page), "so does the one to the live page"
+
+
+def test_units_of_the_page_are_in_its_headers(tmp_path):
     with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
         feed(server, cycle("digger", 0.0, 0.0))
         metric, us = report(server)[-1], report(server, "?units=short_tons,yd3")[-1]
@@ -218,7 +247,7 @@ def test_a_bad_query_is_told_what_is_wrong_and_what_would_be_right(tmp_path):
         feed(server, cycle("plate", 0.0, 1000.0))
         for query, words in (("every=0", "3600"), ("every=90", "whole minutes"), ("every=x", "numbers"),
                              ("from=5&to=5", "before"), ("from=9000", "later than"), ("to=10", "recorded"),
-                             ("units=feet", "yd3"), ("units=m3,yd3", "one of"), ("hour=1", "unknown")):
+                             ("units=feet", "yd3"), ("units=bank", "swell"), ("units=loose,bank", "most one"), ("units=yd3,", "most one"), ("units=m3,yd3", "at most one"), ("hour=1", "unknown")):
             for path in ("/report", "/report.csv"):
                 status, body = server.get(f"{path}?{query}")
                 assert status == 400, query

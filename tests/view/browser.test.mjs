@@ -222,6 +222,48 @@ looking('on a phone nothing is wider than the screen or under what is over the p
   assert.ok(list.x >= 0 && list.x + list.width <= 360);
 }, {viewport: {width: 360, height: 640}, hasTouch: true});
 
+looking('all figures are in the units that the viewer chose, which the address passes on and the browser keeps', recorded, async (page, server) => {
+  await page.click('#work');
+  await site.settled(page);
+  await page.keyboard.press('h');
+  await site.answerTo(page, '/height', () => site.clickAt(page, [512346, 5403638]));
+  await page.keyboard.press('s');
+  await site.clickAt(page, [512346, 5403634]);
+  await site.answerTo(page, '/section', () => site.clickAt(page, [512347, 5403642]));
+  await page.waitForSelector('.card svg.chart');
+  await page.selectOption('[aria-label="Colour by"]', 'height');
+  const words = () => page.evaluate(() => ['totals', 'machine-table', 'measure-list', 'legend', 'scale-text', 'tags', 'help-body'].map((id) => document.getElementById(id).textContent).join(' | '));
+  const metric = /[0-9]\u2009(m|cm|mm|km|m²|m³|kg|t)(?![a-z²³])/;
+  const before = await words(), dug = async () => (await page.locator('#totals').textContent()).match(/Dug[^0-9]*([0-9.]+)/)[1];
+  assert.match(before, metric);
+  const m3 = Number(await dug());
+  await page.click('#units summary');
+  for (const [name, word] of [['Lengths', 'ft'], ['Volumes', 'yd3'], ['Masses', 'short_tons']]) await page.selectOption(`#unit-list [aria-label=${name}]`, word);
+  await page.keyboard.press('Escape');
+  await site.drawn(page);
+  assert.doesNotMatch(await words(), metric);
+  assert.ok(Math.abs(Number(await dug()) - m3 / 0.9144 ** 3) <= 0.0051 * m3, `${await dug()} yd³ are ${m3} m³`);
+  assert.match(page.url(), /#units=ft,yd3,short_tons/);
+  await page.click('#downloads summary');
+  const report = await page.locator('#download-list a[href*="report"]').getAttribute('href');
+  assert.match(await (await fetch(report)).text(), /yd³ bank/);
+  const other = await site.open(browser, page.url());
+  await other.page.waitForFunction(() => /yd³/.test(document.getElementById('totals').textContent));
+  await other.page.goto('about:blank');
+  await other.page.goto(server.url);   // an address is not kept
+  await site.settled(other.page);
+  assert.match(await other.page.locator('#totals').textContent(), /m³/);
+  await other.close();
+  await page.goto('about:blank');
+  await page.goto(server.url);
+  await site.settled(page);
+  await page.waitForFunction(() => /yd³/.test(document.getElementById('totals').textContent));
+  await page.goto(`${server.url}#units=m3`);
+  await page.waitForFunction(() => !/yd³/.test(document.getElementById('totals').textContent));
+  await page.goto(`${server.url}#units=feet`);
+  await page.waitForFunction(() => /units=feet: at most one each/.test(document.getElementById('hint-text').textContent));
+});
+
 looking('everything can be reached and used by keys', recorded, async (page) => {
   const reached = new Set();
   for (let n = 0; n < 60; ++n) {
@@ -233,7 +275,7 @@ looking('everything can be reached and used by keys', recorded, async (page) => 
     assert.ok(seen, 'what has the focus shows it');
   }
   for (const what of ['canvas', 'look', 'boundary', 'section', 'height', 'distance', 'north', 'above', 'whole', 'work', 'Colour by', 'Time shown',
-                      'Previous snapshot', 'Downloads', 'theme', 'help-open', 'machine']) {
+                      'Previous snapshot', 'Downloads', 'Units', 'theme', 'help-open', 'machine']) {
     assert.ok([...reached].some((r) => r === what || (what === 'theme' && /colours$/.test(r)) || r.startsWith(what)), `${what} of ${[...reached]}`);
   }
   await page.click('#work');

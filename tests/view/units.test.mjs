@@ -13,6 +13,7 @@ import {sectionAreas} from '../../tools/view/src/section_chart.js';
 import {boxOf, placeTag} from '../../tools/view/src/tag_place.js';
 import {TerrainMesh} from '../../tools/view/src/terrain_mesh.js';
 import {sliderStart} from '../../tools/view/src/timeline.js';
+import * as units from '../../tools/view/src/units.js';
 
 /** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
 function planes(values, bytes) {
@@ -295,6 +296,95 @@ test('numbers have three digits, at most three decimals, units and a minus sign'
   assert.equal(format.volume(null), '–');
   assert.equal(plain(format.time(130.6)), '2:10.6');
   assert.equal(plain(format.time(59.96)), '1:00.0');
+});
+
+/** Chooses units for one test. */
+function inUnits(t, text, swell = null) {
+  t.after(() => {
+    units.choose({});
+    units.setSwell(null);
+  });
+  units.setSwell(swell);
+  units.choose(units.parsed(text));
+}
+
+test('units are those of their definitions, to the last digits and in both directions', (t) => {
+  // In whole numbers: 1 ft = 3048 / 10000 m, 1 ftUS = 1200 / 3937 m, 1 yd = 3 ft, 1 short ton = 2000 lb of 45359237 / 10^8 kg.
+  const exact = {
+    length: {m: [1n, 1n], ft: [3048n, 10000n], us_ft: [1200n, 3937n]}, area: {m: [1n, 1n], ft: [3048n ** 2n, 10000n ** 2n], us_ft: [1200n ** 2n, 3937n ** 2n]},
+    volume: {m3: [1n, 1n], yd3: [9144n ** 3n, 10000n ** 3n]}, mass: {t: [1000n, 1n], short_tons: [2000n * 45359237n, 10n ** 8n]},
+  };
+  const near = (a, b) => Math.abs(a - b) <= 1e-15 * Math.abs(b);   // a few roundings of 2^-53
+  for (const [kind, all] of Object.entries(exact)) {
+    for (const [word, [num, den]] of Object.entries(all)) {
+      inUnits(t, word);
+      for (let n = 0; n < 300; ++n) {
+        const whole = BigInt(Math.floor((Math.random() - 0.5) * 10 ** (15 * Math.random()))), value = Number(whole);
+        const scaled = 10n ** 30n, quotient = Number((whole * den * scaled) / num) / 1e30, product = Number((whole * num * scaled) / den) / 1e30;
+        assert.ok(near(units.shown(kind, value), quotient), `${value} in ${word} is ${quotient}, not ${units.shown(kind, value)}`);
+        assert.ok(near(units.si(kind, value), product), `${value} ${word} is ${product}, not ${units.si(kind, value)}`);
+        assert.ok(near(units.si(kind, units.shown(kind, value)), value));
+      }
+    }
+  }
+});
+
+test('what is typed comes back as it was shown, and what was shown is as near as its digits', (t) => {
+  for (const word of ['m', 'ft', 'us_ft']) {
+    inUnits(t, word);
+    for (let n = 0; n < 500; ++n) {
+      const metres = (Math.random() - 0.5) * 10 ** (6 * Math.random()), typed = format.toType(metres);
+      assert.equal(format.toType(format.typedLength(typed)), typed);
+      assert.ok(Math.abs(format.typedLength(typed) - metres) <= 0.5001e-4);
+      const read = Number(format.coordinate(metres, 3).replaceAll('\u2009', '').replace('\u2212', '-'));
+      assert.ok(Math.abs(units.si('length', read) - metres) <= 0.5001e-3 * units.si('length', 1));
+    }
+    for (const bad of ['', ' ', 'x', '1 m']) assert.ok(Number.isNaN(format.typedLength(bad)), bad);
+    assert.equal(format.typedLength('1,5'), units.si('length', 1.5));
+  }
+});
+
+test('bank and loose volumes differ by the swell that the engine uses, where it is known', (t) => {
+  for (let n = 0; n < 100; ++n) {
+    const swell = Math.random(), m3 = 1e4 * Math.random(), ratio = Math.round((1 + swell) * 65536) / 65536;
+    inUnits(t, 'loose', swell);
+    assert.ok(Math.abs(units.ofSoil(m3, 'bank') - m3 * ratio) < 1e-9 && units.ofSoil(m3, 'loose') === m3);
+    inUnits(t, 'bank', swell);
+    assert.ok(Math.abs(units.ofSoil(m3, 'loose') - m3 / ratio) < 1e-9 && units.ofSoil(m3, 'bank') === m3);
+    assert.deepEqual([units.soilOf('loose'), units.text()], ['bank', 'm,m3,t,bank']);
+    inUnits(t, 'bank');
+    assert.deepEqual([units.ofSoil(m3, 'loose'), units.soilOf('loose'), units.text()], [m3, '', 'm,m3,t']);
+    inUnits(t, '', swell);
+    assert.deepEqual([units.ofSoil(m3, 'loose'), units.soilOf('loose'), units.soilOf('bank')], [m3, 'loose', 'bank']);
+  }
+});
+
+test('a text of units is read again as it was written, and a wrong one is told', (t) => {
+  const any = (list) => list[Math.floor(Math.random() * list.length)];
+  for (let n = 0; n < 50; ++n) {
+    const all = Object.fromEntries(Object.entries(units.kUnits).map(([kind, of]) => [kind, any(Object.keys(of))]));
+    inUnits(t, '', 0.2);
+    units.choose(all);
+    assert.deepEqual(units.parsed(units.text()), all);
+  }
+  for (const bad of ['feet', 'ft,m', 'ft,,yd3', 'toString']) assert.throws(() => units.parsed(bad), /^Error: units=.*m or ft or us_ft/);
+});
+
+test('numbers in feet, cubic yards and pounds have three digits, too', (t) => {
+  const plain = (text) => text.replaceAll('\u2009', ' ');
+  inUnits(t, 'ft,yd3,short_tons');
+  assert.equal(plain(format.length(-0.465)), '\u22121.53 ft');
+  assert.equal(plain(format.length(0.005)), '0.016 ft');
+  assert.equal(plain(format.height(100, 3)), '328.084 ft');
+  assert.equal(plain(format.area(1)), '10.8 ft²');
+  assert.equal(plain(format.signedVolume(0.764554857984)), '+1.00 yd³');
+  assert.equal(plain(format.mass(1000)), '2200 lb');
+  assert.equal(plain(format.mass(12345)), '13.6 short tons');
+  for (const empty of [format.length(null), format.volume(undefined), format.mass(null)]) assert.equal(empty, '–');
+  for (let about = 0.001; about < 1e4; about *= 1.37) {
+    for (const step of [format.stepUp(about), format.stepDown(about)]) assert.match(Number((step / 0.3048).toPrecision(9)).toExponential(), /^[125]e/);
+    assert.ok(format.stepUp(about) >= about * (1 - 1e-6) && format.stepDown(about) <= about * (1 + 1e-6));
+  }
 });
 
 test('times since 1970 are dates, smaller ones are durations', () => {

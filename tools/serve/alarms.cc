@@ -103,8 +103,10 @@ Json alarms(const LiveSite& site, const InitialTerrain* design, const std::vecto
     if (session.is_retired(i)) continue;
     const SiteMachine& machine = session.machines()[i];
     const MachineFeed& feed = site.machine_feeds()[i];
-    const auto add = [&](const char* kind, const std::string& text) {
+    const auto add = [&](const char* kind, const std::string& text,
+                         std::optional<double> by_m = {}) {
       all.push_back(alarm(kind, &machine.name, text));
+      if (by_m) all.back()["by_m"] = *by_m;
     };
     if (std::string_view(feed.link()) == "lost")
       add("feed_lost",
@@ -121,10 +123,10 @@ Json alarms(const LiveSite& site, const InitialTerrain* design, const std::vecto
     if (design != nullptr && !machine.bucket.shape)
       if (const double deep_m = below_m(*design, last->pose, machine.bucket.width_m);
           deep_m > kBelow_m)
-        add("below_design", fmt::format("its lip is {:.2f} m below the design", deep_m));
+        add("below_design", fmt::format("its lip is {:.2f} m below the design", deep_m), deep_m);
     if (!boundary.empty())
       if (const double far_m = outside_m(boundary, last->pose.position.head<2>()); far_m > 0)
-        add("outside", fmt::format("it is {:.1f} m outside the boundary", far_m));
+        add("outside", fmt::format("it is {:.1f} m outside the boundary", far_m), far_m);
   }
   if (const std::string why = session.recording_fault(); !why.empty()) {
     all.push_back(alarm("recording", nullptr, why));

@@ -6,9 +6,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <ctime>
 #include <stdexcept>
+#include <string_view>
+#include <utility>
 
 #include "io/file/text.h"
 #include "tools/run/text.h"
@@ -32,23 +35,34 @@ std::int64_t whole_minutes_up(double time_s) {
   return seconds(minute) < time_s ? minute + 1 : minute;
 }
 
+/// Words of `units=` by what they are of; the same words as in tools/view/src/units.js.
+constexpr std::array<std::array<std::string_view, 3>, 4> kUnitWords = {
+    {{"m", "ft", "us_ft"}, {"m3", "yd3"}, {"t", "short_tons"}, {"counted", "bank", "loose"}}};
+
 void set_units(ReportQuery& query, const std::string& words) {
-  bool volume = false, mass = false;
+  std::array<std::string, kUnitWords.size()> chosen;
   for (std::size_t at = 0; at <= words.size();) {
     const std::size_t end = std::min(words.find(',', at), words.size());
     const std::string word = words.substr(at, end - at);
-    const bool of_volume = word == "m3" || word == "yd3",
-               of_mass = word == "t" || word == "short_tons";
-    if ((!of_volume && !of_mass) || (of_volume && volume) || (of_mass && mass))
+    std::size_t kind = 0;
+    const auto has = [&](const auto& known) {
+      return std::find(known.begin(), known.end(), word) != known.end();
+    };
+    while (kind < kUnitWords.size() && !has(kUnitWords[kind])) ++kind;
+    if (word.empty() || kind == kUnitWords.size() || !chosen[kind].empty())
       throw std::invalid_argument(
-          "'units' must be one of m3 and yd3, one of t and short_tons, or both, such as "
-          "units=yd3,short_tons");
-    if (of_volume) query.yards = word == "yd3";
-    if (of_mass) query.short_tons = word == "short_tons";
-    volume = volume || of_volume;
-    mass = mass || of_mass;
+          "'units' must be at most one each of m3 and yd3, of t and short_tons, of counted, bank "
+          "and loose, and of m, ft and us_ft, such as units=yd3,short_tons,loose");
+    chosen[kind] = word;
     at = end + 1;
   }
+  using Soil = ReportQuery::Soil;
+  query.length = chosen[0];
+  query.yards = chosen[1] == "yd3";
+  query.short_tons = chosen[2] == "short_tons";
+  query.soil = chosen[3] == "bank"    ? Soil::kBank
+               : chosen[3] == "loose" ? Soil::kLoose
+                                      : Soil::kCounted;
 }
 
 std::string or_nothing(const std::optional<double>& value) {
@@ -75,14 +89,26 @@ ReportQuery::ReportQuery(const QueryParameters& parameters)
     set_units(*this, words);
 }
 
+std::string ReportQuery::units() const {
+  return (length.empty() ? "" : length + ',') + (yards ? "yd3," : "m3,") +
+         (short_tons ? "short_tons" : "t") +
+         (soil == Soil::kBank    ? ",bank"
+          : soil == Soil::kLoose ? ",loose"
+                                 : "");
+}
+
 Report::Report(const LiveSite& site, ReportQuery query)
     : site_(site.name()),
       log_(site.log()),
-      query_(query),
+      query_(std::move(query)),
       soil_(site.session().earthmoving().soil),
       sample_m3_(site.session().site().ground->sample_m3()),
       has_hoppers_(!site.session().earthmoving().hoppers.empty()) {
   if (soil_) units_ = MassUnits(*soil_);
+  if (!soil_ && query_.soil != ReportQuery::Soil::kCounted)
+    throw std::invalid_argument(
+        "'units' may have bank or loose only if the scenario has 'soil', whose 'swell' is between "
+        "them");
   for (const SiteMachine& machine : site.session().machines()) names_.push_back(machine.name);
 }
 
@@ -158,10 +184,13 @@ double Report::in_volume_unit(double m3) const { return query_.yards ? m3 / kYar
 Report::Row Report::row(const Period& period, std::optional<std::size_t> machine) const {
   const Work work = machine ? period.machines[*machine] : period.all();
   const auto loose = [&](std::int64_t mass) {
-    return in_volume_unit(units_.loose_samples(mass) * sample_m3_);
+    return volume(units_.loose_samples(mass) * sample_m3_, ReportQuery::Soil::kLoose);
   };
-  Row row{
-      in_volume_unit(static_cast<double>(work.cut) * sample_m3_), loose(work.put_down), {}, {}, {}};
+  Row row{volume(static_cast<double>(work.cut) * sample_m3_, ReportQuery::Soil::kBank),
+          loose(work.put_down),
+          {},
+          {},
+          {}};
   if (work.hauled) row.hauled = loose(*work.hauled);
   if (soil_)
     row.load =
@@ -177,6 +206,17 @@ Report::Row Report::row(const Period& period, std::optional<std::size_t> machine
   return row;
 }
 
+double Report::volume(double m3, ReportQuery::Soil counted) const {
+  if (query_.soil != ReportQuery::Soil::kCounted && query_.soil != counted)
+    m3 = query_.soil == ReportQuery::Soil::kLoose ? m3 * loose_per_bank() : m3 / loose_per_bank();
+  return query_.yards ? m3 / kYard_m3 : m3;
+}
+
+const char* Report::soil_of(ReportQuery::Soil counted) const {
+  const ReportQuery::Soil soil = query_.soil == ReportQuery::Soil::kCounted ? counted : query_.soil;
+  return soil == ReportQuery::Soil::kBank ? "bank" : "loose";
+}
+
 bool Report::has_dates() const { return total_.from_s >= kLeastEpoch_s; }
 
 std::string utc_text(double time_s) {
@@ -187,9 +227,10 @@ std::string utc_text(double time_s) {
 std::string report_csv(const Report& report) {
   const char* volume = report.volume_unit();
   std::string csv = fmt::format(
-      "machine,span,from_s,to_s,from_utc,to_utc,cut_{0}_bank,put_down_{0}_loose,hauled_{0}_loose,"
-      "load_{1},cycles,load_factor,working_s,idle_s,first_state_s,last_state_s\n",
-      volume, report.mass_unit());
+      "machine,span,from_s,to_s,from_utc,to_utc,cut_{0}_{1},put_down_{0}_{2},hauled_{0}_{2},"
+      "load_{3},cycles,load_factor,working_s,idle_s,first_state_s,last_state_s\n",
+      volume, report.soil_of(ReportQuery::Soil::kBank), report.soil_of(ReportQuery::Soil::kLoose),
+      report.mass_unit());
   const auto utc = [](double time_s) {
     return time_s >= kLeastEpoch_s ? utc_text(time_s) : std::string();
   };

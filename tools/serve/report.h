@@ -18,13 +18,20 @@
 namespace soilvdb::tools {
 
 struct ReportQuery {
+  /// What soil a volume is of: as it was counted, or converted by swell.
+  enum class Soil { kCounted, kBank, kLoose };
+
   std::optional<double> from_s = {}, to_s = {};
   double every_s = 3600;
   bool yards = false, short_tons = false;
+  Soil soil = Soil::kCounted;
+  std::string length = {};  ///< the live page's unit, kept for links to it; empty: metres
 
   ReportQuery() = default;
   /// @throw std::invalid_argument with one line
   explicit ReportQuery(const QueryParameters& parameters);
+  /// The value of `units=` that gives these units.
+  std::string units() const;
 };
 
 /// The work of all machines of a site in periods. Sums of amounts are those of the ledger.
@@ -37,12 +44,13 @@ class Report {
   };
   /// Amounts in the units of the query. Empty: unknown.
   struct Row {
-    double cut = 0, put_down = 0;        ///< in place; loose
-    std::optional<double> hauled, load;  ///< loose; mass
+    double cut = 0, put_down = 0;        ///< counted in place, as bank soil; as loose soil
+    std::optional<double> hauled, load;  ///< as loose soil; mass
     std::optional<double> load_factor;   ///< mean load per cycle / struck capacity
   };
 
-  /// Copies what it needs of a site.
+  /// Copies what it needs of a site. @throw std::invalid_argument with one line for volumes as bank
+  /// or loose soil of a site that does not know its swell
   Report(const LiveSite& site, ReportQuery query);
   /// Sums the periods; may run on another thread.
   /// @throw std::invalid_argument with one line for times that are not recorded, or too many
@@ -64,11 +72,19 @@ class Report {
   bool has_hoppers() const { return has_hoppers_; }
   bool has_mass() const { return soil_.has_value(); }
   const char* volume_unit() const { return query_.yards ? "yd3" : "m3"; }
+  /// "bank" or "loose": the soil of volumes that are counted as one of them.
+  const char* soil_of(ReportQuery::Soil counted) const;
   const char* mass_unit() const { return query_.short_tons ? "short_tons" : "t"; }
+  /// Loose volume of one bank volume.
+  double loose_per_bank() const {
+    return static_cast<double>(units_.bank) / static_cast<double>(units_.loose);
+  }
   /// Do times count from 1970?
   bool has_dates() const;
 
  private:
+  /// In the query's units. @param counted bank or loose
+  double volume(double m3, ReportQuery::Soil counted) const;
   struct Range {
     std::int64_t from = 0, to = 0;  ///< minutes
   };

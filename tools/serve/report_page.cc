@@ -37,6 +37,9 @@ class ReportText {
   }
 
   const char* volume_unit() const { return report_.query().yards ? "yd³" : "m³"; }
+  /// Soil of volumes that are counted in place, and of those counted loose.
+  const char* dug_soil() const { return report_.soil_of(ReportQuery::Soil::kBank); }
+  const char* moved_soil() const { return report_.soil_of(ReportQuery::Soil::kLoose); }
   const char* mass_unit() const { return report_.query().short_tons ? "short tons" : "t"; }
   const char* duration_unit() const { return hours_ ? "h:min" : "min:s"; }
 
@@ -149,9 +152,9 @@ std::string table_of(const Report& report, const ReportText& text, std::string_v
     html += fmt::format("<th scope=\"col\">{}{}{}</th>", name, unit.empty() ? "" : "<br>", unit);
   };
   const std::string volume = text.volume_unit();
-  head("Dug", volume + " bank");
-  head("Put down", volume + " loose");
-  if (report.has_hoppers()) head("Hauled", volume + " loose");
+  head("Dug", volume + ' ' + text.dug_soil());
+  head("Put down", volume + ' ' + text.moved_soil());
+  if (report.has_hoppers()) head("Hauled", volume + ' ' + text.moved_soil());
   if (report.has_mass()) head("Load", text.mass_unit());
   head("Cycles", "");
   head("Load factor", "");
@@ -171,9 +174,10 @@ std::string sums_of(const Report& report, const ReportText& text) {
     html += fmt::format("<div><dt>{}</dt><dd>{} <small>{}</small></dd></div>", name, value, unit);
   };
   const std::string volume = text.volume_unit();
-  add("Dug", text.volume(row.cut), volume + " bank");
-  add("Put down", text.volume(row.put_down), volume + " loose");
-  if (report.has_hoppers()) add("Hauled", text.volume(row.hauled), volume + " loose");
+  add("Dug", text.volume(row.cut), volume + ' ' + text.dug_soil());
+  add("Put down", text.volume(row.put_down), volume + ' ' + text.moved_soil());
+  if (report.has_hoppers())
+    add("Hauled", text.volume(row.hauled), volume + ' ' + text.moved_soil());
   if (report.has_mass()) add("Load", text.mass(row.load), text.mass_unit());
   add("Cycles", fmt::format("{}", all.cycles), "");
   add("Working", text.duration(all.working_s), text.duration_unit());
@@ -183,7 +187,10 @@ std::string sums_of(const Report& report, const ReportText& text) {
 std::string charts_of(const Report& report, const ReportText& text) {
   std::vector<double> ends_s = {report.total().from_s};
   std::vector<ChartSeries> cut;
-  ChartSeries sums[] = {{"Dug (bank)", {}}, {"Put down (loose)", {}}, {"Hauled (loose)", {}}};
+  const std::string moved = std::string(" (") + text.moved_soil() + ')';
+  ChartSeries sums[] = {{std::string("Dug (") + text.dug_soil() + ')', {}},
+                        {"Put down" + moved, {}},
+                        {"Hauled" + moved, {}}};
   for (const std::string& name : report.names()) cut.push_back({name, {}});
   for (const Report::Period& period : report.periods()) {
     ends_s.push_back(period.to_s);
@@ -204,7 +211,8 @@ std::string charts_of(const Report& report, const ReportText& text) {
   };
   const std::string unit = text.volume_unit();
   return "<div class=\"charts\">\n" +
-         figure("Dug per " + text.every() + ", " + unit + " bank", bar_chart(cut, ends_s, ticks)) +
+         figure("Dug per " + text.every() + ", " + unit + ' ' + text.dug_soil(),
+                bar_chart(cut, ends_s, ticks)) +
          figure("Production so far, " + unit, line_chart(std::move(lines), ends_s, ticks)) +
          "</div>\n";
 }
@@ -212,8 +220,7 @@ std::string charts_of(const Report& report, const ReportText& text) {
 std::string links_of(const Report& report, const std::string& token) {
   const auto to = [&](const char* path, const ReportQuery& query) {
     std::string address =
-        fmt::format("{}?every={:.0f}&amp;units={},{}", path, query.every_s,
-                    query.yards ? "yd3" : "m3", query.short_tons ? "short_tons" : "t");
+        fmt::format("{}?every={:.0f}&amp;units={}", path, query.every_s, query.units());
     if (query.from_s) address += fmt::format("&amp;from={}", *query.from_s);
     if (query.to_s) address += fmt::format("&amp;to={}", *query.to_s);
     return token.empty() ? address : address + "&amp;token=" + in_address(token);
@@ -238,17 +245,32 @@ std::string links_of(const Report& report, const std::string& token) {
     html += ' ' + link(us ? "yd³, short tons" : "m³, t", "report", query,
                        now.yards == us && now.short_tons == us);
   }
-  html += "</span><span>" + link("CSV", "report.csv", now) + " <a href=\"./" +
-          (token.empty() ? "" : "#token=" + in_address(token)) + "\">Live page</a></span></nav>\n";
+  if (report.has_mass()) {
+    using Soil = ReportQuery::Soil;
+    html += "</span><span>Volumes";
+    for (const auto& [name, soil] : {std::pair("as counted", Soil::kCounted),
+                                     {"bank", Soil::kBank},
+                                     {"loose", Soil::kLoose}}) {
+      ReportQuery query = now;
+      query.soil = soil;
+      html += ' ' + link(name, "report", query, now.soil == soil);
+    }
+  }
+  html += "</span><span>" + link("CSV", "report.csv", now) + " <a href=\"./#units=" + now.units() +
+          (token.empty() ? "" : "&amp;token=" + in_address(token)) +
+          "\">Live page</a></span></nav>\n";
   return html;
 }
 
 std::string notes_of(const Report& report) {
   std::string html =
-      "<footer><p>Dug is soil taken out of the ground, in place (bank). Put down is what left the "
-      "buckets, loose";
+      "<footer><p>Dug is soil taken out of the ground, counted in place as bank soil, also where "
+      "it was loose. Put down is what left the buckets, counted as loose soil";
   if (report.has_hoppers()) html += "; hauled is the part that hoppers received";
   html += ". ";
+  if (report.query().soil != ReportQuery::Soil::kCounted)
+    html += fmt::format("Volumes are shown as {} soil; 1 of bank is {:.4g} of loose. ",
+                        report.soil_of(ReportQuery::Soil::kBank), report.loose_per_bank());
   if (report.has_mass()) html += "Load is the mass that buckets took up. ";
   html += fmt::format(
       "Load factor is the mean load per cycle over the struck capacity. A machine works until "

@@ -5,6 +5,7 @@ import {$, h, svg} from './dom.js';
 import * as format from './format.js';
 import {kTools} from './measures.js';
 import {hint} from './surroundings.js';
+import * as units from './units.js';
 
 const kIcons = {
   look: 'M3 12s3.5-6 9-6 9 6 9 6-3.5 6-9 6-9-6-9-6zm9-2.5a2.5 2.5 0 1 0 0 5 2.5 2.5 0 1 0 0-5z',
@@ -51,6 +52,10 @@ export class Controls {
     }
     hint(kTools[tool].hint);
     if (byKeys && tool !== 'look') this.sceneView.canvas.focus();
+    this.hovered = false;
+  }
+
+  unitsChanged() {
     this.hovered = false;
   }
 
@@ -171,7 +176,7 @@ export class Controls {
     const p = at ? this.pick.atPixel(...at) : null, before = this.overlay.cursor;
     this.overlay.cursor = p;
     const text = p ? ['E ', 'N ', 'height '].map((name, axis) => name + format.coordinate(this.#world(p)[axis])) : [];
-    $('position').replaceChildren(...text.flatMap((part, axis) => [h('span', {}, axis < 2 ? part : `${part} m`), ' ']));
+    $('position').replaceChildren(...text.flatMap((part, axis) => [h('span', {}, axis < 2 ? part : `${part}\u2009${units.symbol('length')}`), ' ']));
     if (this.measures.draft.length > 0 && !(p && before?.equals(p)) && p !== before) this.sceneView.changed();
   }
 
@@ -199,9 +204,9 @@ export class Controls {
 
 /** The scale bar and the compass needle. @param {import('./scene_view.js').SceneView} sceneView */
 export function drawScale(sceneView) {
-  const about = 90 * sceneView.pixel_m, metres = format.roundDown125(about);
+  const about = 90 * sceneView.pixel_m, metres = format.stepDown(about);
   $('scale-bar').style.width = `${(metres / sceneView.pixel_m).toFixed(1)}px`;
-  const text = metres >= 1000 ? `${metres / 1000}\u2009km` : metres >= 1 ? `${metres}\u2009m` : `${Math.round(100 * metres)}\u2009cm`;
+  const text = units.unit('length') !== 'm' ? format.step(metres) : metres >= 1000 ? `${metres / 1000}\u2009km` : metres >= 1 ? `${metres}\u2009m` : `${Math.round(100 * metres)}\u2009cm`;
   if ($('scale-text').textContent !== text) $('scale-text').textContent = text;
   $('needle').setAttribute('transform', `rotate(${((-sceneView.azimuth * 180) / Math.PI).toFixed(1)} 12 12)`);
   return metres;

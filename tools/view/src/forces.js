@@ -6,6 +6,8 @@
 import {$, h, setText, svg} from './dom.js';
 import {LargestForce, arrowScale, forceText, kilonewtons, limitText, sizeOf} from './force_values.js';
 import {kMachineColors} from './machines.js';
+import * as format from './format.js';
+import * as units from './units.js';
 
 const kUnseen = 'not seen yet', kWaits = 'asking\u2026';
 
@@ -23,12 +25,20 @@ export class Forces {
     if (!this.offered) return;
     this.scale = arrowScale(site.machines);
     this.most_n = this.scale.n_per_m * this.scale.most_m;
-    const {n_per_m, most_m} = this.scale, most = kilonewtons(this.most_n);
     this.box = h('input', {type: 'checkbox', id: 'force', 'aria-keyshortcuts': 'k', onchange: () => this.switch(this.box.checked)});
-    this.key = h('span', {class: 'faint', id: 'force-scale', hidden: true}, `1\u2009m is ${kilonewtons(n_per_m)}`);
+    this.key = h('span', {class: 'faint', id: 'force-scale', hidden: true});
+    this.said = h('p', {class: 'faint'});
     $('legend').append(h('label', {title: 'Force of the soil on the buckets, by the soil of the scenario (K)'}, this.box, svg('svg', {class: 'force-swatch', viewBox: '0 0 24 10', 'aria-hidden': 'true'}, svg('path', {d: 'M1 5h14M15 1l8 4-8 4z'})), 'Force', this.key));
     $('forces').append(h('h3', {}, 'Force of the soil'), ...site.machines.map((machine, i) => this.#make(machine.name, kMachineColors[i % kMachineColors.length])),
-      h('p', {class: 'faint'}, `Gauges go to ${most}; arrows to ${most_m}\u2009m, with two heads for more. Largest: in this and the last cycle.`));
+      this.said);
+    this.unitsChanged();
+  }
+
+  unitsChanged() {
+    if (!this.offered) return;
+    const one_m = units.si('length', 1);
+    setText(this.key, `1\u2009${units.symbol('length')} is ${kilonewtons(this.scale.n_per_m * one_m)}`);
+    setText(this.said, `Gauges go to ${kilonewtons(this.most_n)}; arrows to ${format.length(this.scale.most_m)}, with two heads for more. Largest: in this and the last cycle.`);
   }
 
   #make(name, color) {

@@ -1,9 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Numbers for people: three significant digits, at most three decimals, units, a real minus sign.
+// Numbers of SI for people: in the units that they chose, with three significant digits, at most
+// three decimals, units, a real minus sign.
+import * as units from './units.js';
 
 const kThin = '\u2009';
 const kMostDecimals = 3, kLeast = 0.001;
+const kPound_kg = 0.45359237;
 const kLeastEpoch_s = 1e8;   // larger times count from 1970
 export const kNone = '\u2013';
 
@@ -31,23 +34,32 @@ export function withUnit(value, unit, significant = 3) {
   return text === kNone ? text : `${text}${kThin}${unit}`;
 }
 
-export const volume = (m3) => withUnit(m3, 'm³');
-/** A volume per hour. */
-export const rate = (m3) => (m3 === null || m3 === undefined ? kNone : `${signedVolume(m3).replace(/^\+/, '')}/h`);
-export const area = (m2) => withUnit(m2, 'm²');
+const converted = (kind, value) => (value === null || value === undefined ? value : units.shown(kind, value));
 
-/** Mass of a load: in kg, or in tonnes from 10 t on. */
-export const mass = (kg) => (Math.abs(kg ?? 0) >= 9999.5 ? withUnit(kg / 1000, 't') : withUnit(kg, 'kg'));
+/** @param {string} counted 'bank' or 'loose' if the volume is of such soil */
+export const volume = (m3, counted = '') => withUnit(converted('volume', counted ? units.ofSoil(m3, counted) : m3), units.symbol('volume'));
+export const area = (m2) => withUnit(converted('area', m2), units.symbol('area'));
+
+/** Mass of a load: in kg or lb, and from 10 t on in tonnes, from 10 short tons on in these. */
+export function mass(kg) {
+  const pounds = units.unit('mass') === 'short_tons', small = pounds ? kg / kPound_kg : kg;
+  if (Math.abs(small ?? 0) < (pounds ? 19999.5 : 9999.5)) return withUnit(kg === null || kg === undefined ? kg : small, pounds ? 'lb' : 'kg');
+  return withUnit(units.shown('mass', kg), units.symbol('mass'));
+}
 
 /** Signed volume: + is fill. */
 export function signedVolume(m3) {
   if (m3 === null || m3 === undefined) return kNone;
-  return (m3 >= kLeast ? '+' : '') + volume(m3);
+  return (units.shown('volume', m3) >= kLeast ? '+' : '') + volume(m3);
 }
 
-/** A length in a unit of suitable size. */
+/** A volume per hour. */
+export const rate = (m3) => (m3 === null || m3 === undefined ? kNone : `${signedVolume(m3).replace(/^\+/, '')}/h`);
+
+/** A length in a unit of suitable size; feet have decimals, as in surveying. */
 export function length(metres) {
   if (metres === null || metres === undefined || !Number.isFinite(metres)) return kNone;
+  if (units.unit('length') !== 'm') return withUnit(units.shown('length', metres), units.symbol('length'));
   const size = Math.abs(metres);
   if (size >= 9999.5) return withUnit(metres / 1000, 'km');
   if (size >= 0.995 || size === 0) return withUnit(metres, 'm');
@@ -58,11 +70,22 @@ export function length(metres) {
 /** As above, with a + for heights above. */
 export const signedLength = (metres) => (metres > 0 ? '+' : '') + length(metres);
 
-/** A coordinate or height, to the centimetre as in surveying. */
+/** A coordinate or height without its unit, to the hundredth as in surveying. */
 export function coordinate(metres, decimals = 2) {
   if (metres === null || metres === undefined || !Number.isFinite(metres)) return kNone;
-  return (metres < 0 ? '\u2212' : '') + grouped(Math.abs(metres).toFixed(decimals));
+  return (metres < 0 ? '\u2212' : '') + grouped(Math.abs(units.shown('length', metres)).toFixed(decimals));
 }
+
+/** As above with its unit. */
+export const height = (metres, decimals = 2) => `${coordinate(metres, decimals)}${kThin}${units.symbol('length')}`;
+
+/** A round length such as a step or scale without more digits than it needs. */
+export const step = (metres) => `${Number(units.shown('length', metres).toPrecision(3))}${kThin}${units.symbol('length')}`;
+
+/** What somebody typed as a length in the chosen unit, in m; NaN for what is no number. */
+export const typedLength = (text) => (text.trim() === '' ? NaN : units.si('length', Number(text.replace(',', '.'))));
+/** A length for a field that is typed in: to a tenth of a millimetre, so that it comes back as it was. */
+export const toType = (metres) => String(Number(units.shown('length', metres).toFixed(4)));
 
 /** A share from 0 to 1, in per cent. */
 export const percent = (share) =>
@@ -90,6 +113,10 @@ export const moment = (seconds) =>
 
 /** A duration of work. */
 export const hours = (h) => (h < 1 ? `${(60 * h).toFixed(0)}${kThin}min` : withUnit(h, 'h'));
+
+/** 1, 2 or 5 times a power of ten of the chosen unit of length, at most, and at least, `about` metres. */
+export const stepDown = (about) => units.si('length', roundDown125(units.shown('length', about)));
+export const stepUp = (about) => units.si('length', roundUp125(units.shown('length', about)));
 
 /** 1, 2 or 5 times a power of ten, at most `about`. */
 export function roundDown125(about) {

@@ -7,6 +7,7 @@ const kColouring = /* glsl */ `
 uniform int mode;               // see ground_uniforms.js
 uniform sampler2D ramps, clod_light;
 uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure, pixel_ratio;
+uniform vec2 grid_from_m;       // coordinates of the scene's origin, less a multiple of the grid
 uniform bool patterns;
 uniform vec3 sun;
 
@@ -71,7 +72,7 @@ vec3 signed_color(vec3 at, vec3 soil, float change_m, bool known) {
 
 // @param above_low_m height above low_m: the scene's heights are too large for exact differences
 vec3 colored(vec3 at, float above_low_m, float change_m, bool known, float loose, vec3 normal) {
-  vec3 soil = kSoil * (1.0 - 0.07 * max(lines(at.x, grid_m, 0.6), lines(at.y, grid_m, 0.6)));
+  vec3 soil = kSoil * (1.0 - 0.07 * max(lines(at.x + grid_from_m.x, grid_m, 0.6), lines(at.y + grid_from_m.y, grid_m, 0.6)));
   vec3 color = soil;
   if (mode == 0 || mode == 4) color = signed_color(at, soil, change_m, known);
   if (mode == 1 && -change_m >= max(dead_m, kUnit_m) - kHalfUnit_m) color = ramp(2, -change_m / most_m);

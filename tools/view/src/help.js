@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The help dialog of the page.
 import {$, h} from './dom.js';
+import * as format from './format.js';
+import {kUnits, unit} from './units.js';
 
 const kKeys = [
   ['Move', ['↑', '↓', '←', '→'], 'with the ground in focus'],
@@ -35,5 +37,5 @@ export function fillHelp(site) {
     h('h3', {}, 'Force'),
     h('p', {}, 'With Force in the legend, an arrow at each lip is the force of the soil on the bucket, by the ground ahead and the scenario\u2019s soil, with the weight of the load. \u2248 is before a rough estimate, \u2265 before a force that is too low; the gauge says why.'),
     h('h3', {}, 'Keys'), keys,
-    site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates E, N and height in metres${site.crs ? `, ${site.crs}` : ''}.`) : '');
+    site ? h('p', {class: 'faint'}, `Voxels of ${format.length(site.voxel_size_m)}. Coordinates E, N and height in ${kUnits.length[unit('length')][0].toLowerCase().replace(/^us/, 'US')}${site.crs ? `, ${site.crs}` : ''}.`) : '');
 }

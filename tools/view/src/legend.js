@@ -5,6 +5,7 @@ import {h} from './dom.js';
 import * as format from './format.js';
 import {kModes} from './ground_uniforms.js';
 import {gradient} from './ramps.js';
+import * as units from './units.js';
 
 const kNames = {
   change: 'Cut and fill', depth: 'Depth of cut', height: 'Height', loose: 'Loose soil', design: 'Remaining to design',
@@ -21,12 +22,12 @@ export class Legend {
     this.modes = kModes.filter((mode) => (mode !== 'design' || site.design) && (mode !== 'loose' || site.soil));
     this.select = h('select', {'aria-label': 'Colour by', onchange: () => this.#show()},
       ...this.modes.map((mode) => h('option', {value: mode}, kNames[mode])));
-    const least_mm = Math.max(5, 5 * Math.round((400 * site.voxel_size_m) / 5));
-    this.uniforms.dead_m.value = least_mm / 1000;
+    this.least_m = Math.max(5, 5 * Math.round((400 * site.voxel_size_m) / 5)) / 1000;
+    this.uniforms.dead_m.value = this.least_m;
     this.band = h('input', {
-      type: 'range', id: 'dead-band', min: 0, max: Math.max(200, 10 * least_mm), step: 5, value: least_mm,
+      type: 'range', id: 'dead-band', min: 0,
       oninput: () => {
-        this.uniforms.dead_m.value = this.band.valueAsNumber / 1000;
+        this.uniforms.dead_m.value = units.si('length', this.band.valueAsNumber);
         this.#draw();
         this.changed();
       },
@@ -48,6 +49,16 @@ export class Legend {
     this.patternLabel = h('label', {}, patterns, 'Stripes on cut, dots on fill');
     this.options = h('details', {}, h('summary', {}, 'Options'), this.bandLabel, this.patternLabel);
     element.append(this.select, this.bar, this.ticks, this.names, this.unknown, this.options);
+    this.unitsChanged();
+  }
+
+  /** Steps are round in the chosen unit. */
+  unitsChanged() {
+    const step = units.unit('length') === 'm' ? 0.005 : 0.01, most = units.shown('length', Math.max(0.2, 10 * this.least_m));
+    this.band.step = step;
+    this.band.max = step * Math.ceil(most / step - 1e-6);
+    this.band.value = units.shown('length', this.uniforms.dead_m.value);
+    this.originZ = undefined;   // fits again
     this.#show();
   }
 
@@ -69,9 +80,9 @@ export class Legend {
   fit({deepest_m, highest_m, fromDesign_m, low_m, high_m, originZ}) {
     const u = this.uniforms, shown_m = this.mode === 'design' ? fromDesign_m : Math.max(deepest_m, highest_m);
     const depths = Math.max(shown_m, 2 * u.dead_m.value, 0.1);
-    const step = format.roundDown125(depths / 1.8);
+    const step = format.stepDown(depths / 1.8);
     const most = step * Math.ceil((depths / step) * (1 - 1e-6));
-    const contour = format.roundUp125(Math.max(0.1, (high_m - low_m) / 25));
+    const contour = format.stepUp(Math.max(0.1, (high_m - low_m) / 25));
     if (most === u.most_m.value && low_m === u.low_m.value && high_m === u.high_m.value && this.originZ === originZ) return;
     u.most_m.value = most;
     u.step_m.value = step;
@@ -95,12 +106,13 @@ export class Legend {
     this.bandLabel.hidden = !signed && mode !== 'depth';
     this.patternLabel.hidden = !signed;
     this.options.hidden = mode === 'height' || mode === 'loose';
-    this.bandText.textContent = `${Number((100 * dead).toFixed(1))}\u2009cm`;
+    const metric = units.unit('length') === 'm';
+    this.bandText.textContent = metric ? `${Number((100 * dead).toFixed(1))}\u2009cm` : format.step(dead);
     const span = (ramp, direction, pattern) => h('span', {style: `background:${pattern ? `${pattern},` : ''}${gradient(ramp, direction)}`});
     const stripes = u.patterns.value ? 'repeating-linear-gradient(-45deg, rgb(20 0 0 / 30%) 0 1.5px, transparent 1.5px 6px)' : '';
     const dots = u.patterns.value ? 'radial-gradient(circle, rgb(255 255 255 / 38%) 1.4px, transparent 1.8px) 0 0 / 6px 6px' : '';
-    const ticks = [], cm = most < 0.5, unit = cm ? 'cm' : 'm';
-    const number = (m) => (m === 0 ? '0' : String(Number((Math.abs(m) * (cm ? 100 : 1)).toPrecision(3))));
+    const ticks = [], cm = metric && most < 0.5, unit = cm ? 'cm' : units.symbol('length');
+    const number = (m) => (m === 0 ? '0' : String(Number((Math.abs(cm ? 100 * m : units.shown('length', m))).toPrecision(3))));
     if (signed) {
       this.bar.replaceChildren(span('cut', 'to left', stripes), span('fill', 'to right', dots));
       const half = (50 * Math.min(1, dead / most));
@@ -116,8 +128,8 @@ export class Legend {
     } else if (mode === 'height') {
       this.bar.replaceChildren(span('height', 'to right'));
       const low = u.low_m.value + (this.originZ ?? 0), high = u.high_m.value + (this.originZ ?? 0);
-      for (const m of [0, 1]) ticks.push([m, format.coordinate(low + m * (high - low), 1) + '\u2009m']);
-      this.#name(`a line every ${Number(u.contour_m.value.toPrecision(2))}\u2009m`, '');
+      for (const m of [0, 1]) ticks.push([m, format.height(low + m * (high - low), 1)]);
+      this.#name(`a line every ${format.step(u.contour_m.value)}`, '');
     } else {
       this.bar.replaceChildren(span('loose', 'to right'));
       for (const m of [0, 0.5, 1]) ticks.push([m, format.percent(m)]);

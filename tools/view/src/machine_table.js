@@ -4,6 +4,7 @@
 import {h, setText} from './dom.js';
 import * as format from './format.js';
 import {kMachineColors} from './machines.js';
+import * as units from './units.js';
 
 const kStates = {working: '● working', idle: '○ idle', unseen: '– not seen yet'};
 
@@ -12,9 +13,11 @@ export class MachineTable {
 
   /** @param {HTMLTableElement} table @param {Object} site @param {function(string)} pick a machine was clicked */
   constructor(table, site, pick) {
+    this.soils = [['loose', h('small')], ['bank', h('small')], ['loose', h('small')]];   // of the columns with volumes
+    const [load, dug, last] = this.soils.map(([, small]) => small);
     table.append(
-      h('thead', {}, h('tr', {}, h('th', {scope: 'col'}, 'Machine'), h('th', {scope: 'col'}, 'Load'),
-        h('th', {scope: 'col', title: 'Volume taken out of the ground; soil that was dug again counts again'}, 'Dug'), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last'))));
+      h('thead', {}, h('tr', {}, h('th', {scope: 'col'}, 'Machine'), h('th', {scope: 'col'}, 'Load', load),
+        h('th', {scope: 'col', title: 'Volume taken out of the ground, counted in place; soil that was dug again counts again'}, 'Dug', dug), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last', last))));
     const body = h('tbody');
     site.machines.forEach((machine, i) => {
       const name = h('button', {
@@ -35,21 +38,22 @@ export class MachineTable {
   }
 
   update(state) {
+    for (const [counted, small] of this.soils) setText(small, units.soilOf(counted));
     for (const m of state.machines) {
       const row = this.#rows.get(m.name);
       if (!row) continue;
       const of = row.capacity_m3, fill = m.fill ?? (of ? m.bucket_m3 / of : null);
       setText(row.state, kStates[m.state] ?? m.state);
       row.stateCell.className = `state-${m.state}`;
-      setText(row.load, format.volume(m.bucket_m3));
+      setText(row.load, format.volume(m.bucket_m3, 'loose'));
       row.gauge.hidden = fill === null;
       row.bar.style.width = `${Math.min(100, 100 * Math.max(0, fill ?? 0))}%`;
       row.gauge.setAttribute('aria-label', `${format.percent(fill)} full`);
       row.gauge.title = `${format.percent(fill)} full`;
       setText(row.mass, m.bucket_kg === null || m.bucket_kg === undefined ? '' : format.mass(m.bucket_kg));
-      setText(row.dug, format.volume(m.cut_m3));
+      setText(row.dug, format.volume(m.cut_m3, 'bank'));
       setText(row.cycles, String(m.cycles));
-      setText(row.last, format.volume(m.last_load_m3));
+      setText(row.last, format.volume(m.last_load_m3, 'loose'));
       setText(row.lastShare, of && m.last_load_m3 !== null ? format.percent(m.last_load_m3 / of) : '');
     }
   }

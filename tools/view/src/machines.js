@@ -69,7 +69,7 @@ export class Machines {
       m.fill = said.fill ?? (m.capacity_m3 ? said.bucket_m3 / m.capacity_m3 : null);
       m.bar.style.width = `${Math.min(100, 100 * Math.max(0, m.fill ?? 0))}%`;
       m.bar.parentElement.hidden = m.fill === null;
-      m.text.textContent = format.volume(said.bucket_m3);
+      m.text.textContent = format.volume(said.bucket_m3, 'loose');
       m.holds = `holds ${m.text.textContent}${m.fill === null ? '' : `, ${format.percent(m.fill)} full`}`;
       this.#label(m);
       m.tag.hidden = false;

@@ -23,6 +23,7 @@ import {hint, notice, openPanel, showAlarms, showConnection, showTotals, startDo
 import {Terrain} from './terrain.js';
 import {startTheme} from './theme.js';
 import {Timeline} from './timeline.js';
+import {UnitsMenu} from './units_menu.js';
 import {Views} from './views.js';
 import {handle} from './test_handle.js';
 
@@ -77,7 +78,7 @@ class Page {
     this.fitSite(true);
     startDownloads(() => this.shownTimes().time);
     this.setTheme(document.documentElement.dataset.theme);
-    fillHelp(site);
+    new UnitsMenu(site, () => this.unitsChanged());
     $('stage').addEventListener('wheel', () => this.follow(null), {passive: true, capture: true});
     this.sceneView.controls.addEventListener('start', () => this.follow(null));
     this.sceneView.beforeFrame.push(() => this.beforeFrame());
@@ -96,6 +97,16 @@ class Page {
     } catch (error) {
       hint(`The lines of the design did not come: ${error.message}`, 6);
     }
+  }
+
+  /** Shows everything again in other units. */
+  unitsChanged() {
+    for (const part of [this.legend, this.forces, this.controls]) part.unitsChanged();
+    this.cards.refresh();
+    fillHelp(this.site);
+    if (this.live) showAlarms(this.live.alarms ?? []);
+    if (this.shownState) this.showState(this.shownState, false);
+    this.sceneView.changed();
   }
 
   /** World coordinates of a place of the scene. */
@@ -146,7 +157,9 @@ class Page {
   afterFrame() {
     this.overlay.draw();
     this.machines.placeTags(this.overlay.letters);
-    this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.sceneView));
+    const {grid_m, grid_from_m} = this.uniforms.values;
+    grid_m.value = Math.min(1000, 2 * drawScale(this.sceneView));
+    grid_from_m.value.set(...this.origin.slice(0, 2).map((v) => v - grid_m.value * Math.floor(v / grid_m.value)));
     this.fitColours();
   }
 
@@ -238,6 +251,7 @@ class Page {
 
   /** Machines and totals of the shown time. */
   showState(state, jump) {
+    this.shownState = state;
     this.machines.update(state, jump);
     this.table.update(state);
     showTotals(state);

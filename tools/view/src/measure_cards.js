@@ -35,7 +35,7 @@ function figures(measure) {
     const change = v.height_m === null || v.before_m === null ? null : v.height_m - v.before_m;
     const left = v.design_m === undefined || v.design_m === null || v.height_m === null ? null : v.height_m - v.design_m;
     return [
-      value('Height', `${format.coordinate(v.height_m, 3)}\u2009m`), value('Before', `${format.coordinate(v.before_m, 3)}\u2009m`),
+      value('Height', format.height(v.height_m, 3)), value('Before', format.height(v.before_m, 3)),
       value('Change', format.signedLength(change), change < 0 ? 'cut' : change > 0 ? 'fill' : ''),
       left === null ? null : value(left > 0 ? 'Still to cut' : 'Still to fill', format.length(Math.abs(left)), left > 0 ? 'cut' : 'fill'),
     ];
@@ -116,6 +116,12 @@ export class MeasureCards {
     const shown = this.measures.list.find((m) => m.kept === id);
     if (shown) this.measures.remove(shown.id);
     else this.goTo(this.measures.open(id));
+  }
+
+  /** Shows all figures again, in other units. */
+  refresh() {
+    for (const card of this.cards.values()) if (card.values !== null) card.values = undefined;
+    this.update();
   }
 
   #make(measure) {

@@ -3,13 +3,15 @@
 // A section's profile: the ground before and now, cut and fill between them, and the design.
 import {h, svg} from './dom.js';
 import * as format from './format.js';
+import * as units from './units.js';
 
 const kWidth = 320, kHeight = 168, kLeft = 44, kRight = 8, kTop = 10, kFoot = 24;
 
-/** Multiples of a round step between low and high. */
-function ticksOf(low, high, about) {
+/** Multiples of a round step between low and high, m; `step` is in the chosen unit. */
+function ticksOf(low_m, high_m, about) {
+  const low = units.shown('length', low_m), high = units.shown('length', high_m);
   const step = format.roundUp125((high - low) / about), ticks = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; ++k) ticks.push(k * step);
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; ++k) ticks.push(units.si('length', k * step));
   return {step, ticks};
 }
 
@@ -90,12 +92,12 @@ export function sectionChart(section, hover) {
   const {cut_m2, fill_m2} = sectionAreas(section);
   const chart = svg('svg', {
     class: 'chart', viewBox: `0 0 ${kWidth} ${kHeight}`, role: 'img', tabindex: 0,
-    'aria-label': `Profile over ${format.length(total)}, heights from ${format.coordinate(Math.min(...heights))} to ${format.coordinate(Math.max(...heights))} m; cut ${format.area(cut_m2)}, fill ${format.area(fill_m2)}`,
+    'aria-label': `Profile over ${format.length(total)}, heights from ${format.coordinate(Math.min(...heights))} to ${format.height(Math.max(...heights))}; cut ${format.area(cut_m2)}, fill ${format.area(fill_m2)}`,
   },
   ...up.ticks.flatMap((z) => [
     svg('line', {class: 'axis', x1: kLeft, x2: kWidth - kRight, y1: y(z), y2: y(z)}),
     svg('text', {x: kLeft - 5, y: y(z) + 3.5, 'text-anchor': 'end'}, format.coordinate(z, decimals(up.step)))]),
-  ...across.ticks.map((d, i) => svg('text', {x: x(d), y: kHeight - 10, 'text-anchor': i === 0 ? 'start' : d > 0.96 * total ? 'end' : 'middle'}, d.toFixed(decimals(across.step)) + (d > 0.99 * total || i === across.ticks.length - 1 ? '\u2009m' : ''))),
+  ...across.ticks.map((d, i) => svg('text', {x: x(d), y: kHeight - 10, 'text-anchor': i === 0 ? 'start' : d > 0.96 * total ? 'end' : 'middle'}, units.shown('length', d).toFixed(decimals(across.step)) + (d > 0.99 * total || i === across.ticks.length - 1 ? `\u2009${units.symbol('length')}` : ''))),
   svg('path', {class: 'cut-area', d: areaPath(distance_m, before_m, now_m, -1, x, y)}),
   svg('path', {class: 'fill-area', d: areaPath(distance_m, before_m, now_m, 1, x, y)}),
   svg('path', {class: 'before', d: linePath(distance_m, before_m, x, y)}),
@@ -115,7 +117,7 @@ export function sectionChart(section, hover) {
     cursor.setAttribute('x1', x(distance_m[i]));
     cursor.setAttribute('x2', x(distance_m[i]));
     const change = known(now_m[i]) && known(before_m[i]) ? now_m[i] - before_m[i] : null;
-    said.replaceChildren(...[`at ${format.length(distance_m[i])}`, `${format.coordinate(now_m[i])} m`, change === null ? null : format.signedLength(change)]
+    said.replaceChildren(...[`at ${format.length(distance_m[i])}`, format.height(now_m[i]), change === null ? null : format.signedLength(change)]
       .filter(Boolean).map((t) => h('span', {}, t)));
     hover(distance_m[i]);
   };

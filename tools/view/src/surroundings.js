@@ -4,6 +4,7 @@
 import {address} from './api.js';
 import {$, h, setText} from './dom.js';
 import * as format from './format.js';
+import * as units from './units.js';
 
 const kDownloads = [
   ['machines.csv', 'Machines', 'CSV'], ['surface.tif', 'Surface', 'GeoTIFF'], ['soil.vdb', 'Ground', 'OpenVDB'],
@@ -28,7 +29,10 @@ export function notice(text, retry = null) {
 
 /** Shows what must be known now. @param {{machine: ?string, text: string}[]} alarms */
 export function showAlarms(alarms) {
-  const lines = alarms.map(({machine, text}) => (machine === null ? text : `${machine}: ${text}`));
+  const lines = alarms.map(({machine, text, by_m}) => {
+    const said = by_m === undefined || units.unit('length') === 'm' ? text : text.replace(/[\d.]+ m\b/, format.length(by_m));
+    return machine === null ? said : `${machine}: ${said}`;
+  });
   $('alarms').hidden = lines.length === 0;
   if (JSON.stringify(lines) === $('alarms').dataset.lines) return;
   $('alarms').dataset.lines = JSON.stringify(lines);
@@ -54,10 +58,11 @@ export function hint(text, seconds = 0) {
 /** @param {Object} state from the server */
 export function showTotals(state) {
   const sum = (of) => state.machines.reduce((a, m) => a + (of(m) ?? 0), 0);
+  const named = (name, counted) => (units.unit('soil') === 'counted' || !units.soilOf(counted) ? name : `${name}, ${units.soilOf(counted)}`);
   const parts = [['Net', format.signedVolume(state.change_m3), '', 'Volume of the ground now minus before digging'],
-    ['Dug', format.volume(state.cut_m3), '', 'Volume that machines took out of the ground; soil that was dug again counts again'],
-    ['Put down', format.volume(state.fill_m3), '', 'Volume that was added to the ground; soil that was put down again counts again'],
-    ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less', 'Present load of all buckets, loose'],
+    [named('Dug', 'bank'), format.volume(state.cut_m3, 'bank'), '', 'Volume that machines took out of the ground, counted in place; soil that was dug again counts again'],
+    [named('Put down', 'loose'), format.volume(state.fill_m3, 'loose'), '', 'Volume that was added to the ground; soil that was put down again counts again'],
+    [named('In buckets', 'loose'), format.volume(sum((m) => m.bucket_m3), 'loose'), 'less', 'Present load of all buckets'],
     ['Working', `${state.machines.filter((m) => m.state === 'working').length} of ${state.machines.length}`, 'less', '']];
   const key = parts.flat().join();
   if ($('totals').dataset.key === key) return;
@@ -65,18 +70,9 @@ export function showTotals(state) {
   $('totals').replaceChildren(...parts.map(([name, text, kind, title]) => h('div', {class: kind, title}, h('dt', {}, name), h('dd', {}, text))));
 }
 
-/** Makes addresses when the list is opened, for the time shown then. */
-export function startDownloads(timeShown) {
-  const menu = $('downloads');
-  menu.addEventListener('toggle', () => {
-    if (!menu.open) return;
-    const time = timeShown();
-    $('download-list').replaceChildren(...kDownloads.map(([file, name, kind]) =>
-      h('a', {href: address(`/${file}`, {time}), download: file}, name, h('small', {}, `${kind}, ${file}`))),
-      h('a', {href: address('/measures.geojson'), download: 'measures.geojson'}, 'Measures', h('small', {}, 'GeoJSON, with names')),
-      h('a', {href: address('/report'), target: '_blank'}, 'Report', h('small', {}, 'page to print, CSV')),
-      h('p', {}, time === null ? 'As of now.' : `As of ${format.time(time)}.`));
-  });
+/** A menu closes when people click beside it, or press Escape. @param {function()} opened */
+export function startMenu(menu, opened = () => {}) {
+  menu.addEventListener('toggle', () => { if (menu.open) opened(); });
   document.addEventListener('pointerdown', (event) => { if (!menu.contains(event.target)) menu.open = false; });
   menu.addEventListener('keydown', (event) => {
     if (event.key !== 'Escape' || !menu.open) return;
@@ -84,7 +80,19 @@ export function startDownloads(timeShown) {
     menu.querySelector('summary').focus();
     event.stopPropagation();
   });
-  $('download-list').addEventListener('click', () => { menu.open = false; });
+}
+
+/** Makes addresses when the list is opened, for the time shown then. */
+export function startDownloads(timeShown) {
+  startMenu($('downloads'), () => {
+    const time = timeShown();
+    $('download-list').replaceChildren(...kDownloads.map(([file, name, kind]) =>
+      h('a', {href: address(`/${file}`, {time}), download: file}, name, h('small', {}, `${kind}, ${file}`))),
+      h('a', {href: address('/measures.geojson'), download: 'measures.geojson'}, 'Measures', h('small', {}, 'GeoJSON, with names')),
+      h('a', {href: address('/report', {units: units.text()}), target: '_blank'}, 'Report', h('small', {}, 'page to print, CSV')),
+      h('p', {}, time === null ? 'As of now.' : `As of ${format.time(time)}.`));
+  });
+  $('download-list').addEventListener('click', () => { $('downloads').open = false; });
 }
 
 /** Tabs open the panels of narrow screens. */
