@@ -302,6 +302,49 @@ machines:
 };
 let runs = 0;
 
+/** A picture of one colour, placed by its world file. */
+function paint(file, [r, g, b], [xmin, ymax], cell_m, side) {
+  const head = Buffer.alloc(54), row = Buffer.alloc(4 * Math.ceil((3 * side) / 4));
+  head.write('BM');
+  [[2, 54 + row.length * side], [10, 54], [14, 40], [18, side], [22, side], [34, row.length * side]].forEach(([at, v]) => head.writeUInt32LE(v, at));
+  head.writeUInt16LE(1, 26);
+  head.writeUInt16LE(24, 28);
+  for (let i = 0; i < side; ++i) row.set([b, g, r], 3 * i);
+  fs.writeFileSync(file, Buffer.concat([head, ...Array(side).fill(row)]));
+  fs.writeFileSync(file.replace(/bmp$/, 'bpw'), [cell_m, 0, 0, -cell_m, xmin + cell_m / 2, ymax - cell_m / 2].join('\n'));
+}
+
+looking('a photo lies on ground as it was surveyed, and never on ground that was dug', () => {
+  paint(path.join(work, 'photo.bmp'), [30, 60, 220], [-1.5, 2], 0.1, 40);
+  return [...live(), '--drape', path.join(work, 'photo.bmp')];
+}, async (page) => {
+  const dug = [0.5, 0], undug = [0.5, 1.5], outside = [0.5, -2.6];
+  await scoop(page, 0, 0, 0, 0.3);
+  await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
+  await page.click('#work');
+  await page.keyboard.press('t');
+  await site.settled(page);
+  const blue = async (at) => {
+    const [r, , b] = await site.colorAt(page, at);
+    return b > 1.5 * r;
+  };
+  const all = async () => [await blue(undug), await blue(dug), await blue(outside)];
+  for (const mode of ['loose', 'depth', 'change']) {
+    await page.selectOption('[aria-label="Colour by"]', mode);
+    await page.waitForFunction(() => document.querySelector('#drape').checked);
+    await site.drawn(page);
+    assert.deepEqual(await all(), [true, false, false], mode);
+  }
+  await page.selectOption('[aria-label="Colour by"]', 'loose');
+  await step(page, 'a');   // changes since now: they do not tell where it is as surveyed
+  await site.drawn(page);
+  assert.deepEqual(await all(), [true, false, false], 'compared');
+  await page.focus('#canvas');
+  await page.keyboard.press('o');
+  await site.drawn(page);
+  assert.deepEqual(await all(), [false, false, false]);
+});
+
 /** Feeds states from the page, as a machine would; the last answer. */
 const feed = (page, all) => page.evaluate((states) => new Promise((resolve, reject) => {
   const feed = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}feed?token=sesame`);

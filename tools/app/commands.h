@@ -58,6 +58,7 @@ struct ServeOptions {
   std::string base_path;        ///< "/dig" or empty
   std::optional<double> speed;  ///< factor at which the scenario's motions are played
   std::optional<std::filesystem::path> design, lines;
+  std::optional<std::filesystem::path> drape;     ///< orthophoto or map
   std::optional<std::filesystem::path> boundary;  ///< corners that machines must not leave
   bool feed_stdin = false;
 };

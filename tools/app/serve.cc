@@ -14,6 +14,7 @@
 
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
+#include "io/terrain/drape.h"
 #include "io/terrain/geodetic.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
@@ -81,6 +82,24 @@ std::string open_lines(const std::optional<fs::path>& file, const io::Site& site
         "{:.0f}, {:.0f}",
         file->string(), around.min().x(), around.min().y(), around.max().x(), around.max().y()));
   return drawn_lines(lines, site);
+}
+
+/// @param site that it lies on
+std::shared_ptr<const io::Drape> open_drape(const std::optional<fs::path>& file,
+                                            const io::Site& site) {
+  if (!file) return nullptr;
+  auto drape = std::make_shared<io::Drape>(
+      io::open_drape(*file, site.crs_wkt,
+                     std::holds_alternative<io::PlaneTerrain>(site.undug().terrain), site.bounds));
+  for (const std::string& warning : drape->warnings) say("warning: " + warning);
+  const Vec2 size_m = drape->box_m.sizes();
+  say(fmt::format("{}: {:.0f} m x {:.0f} m in cells of {:.2g} m ({}), {:.1f} MB", file->string(),
+                  size_m.x(), size_m.y(), drape->cell_m,
+                  drape->cell_m > 1.01 * drape->file_cell_m
+                      ? fmt::format("{:.2g} m in the file", drape->file_cell_m)
+                      : std::string("as in the file"),
+                  static_cast<double>(drape->webp.size()) / 1e6));
+  return drape;
 }
 
 /// Refuses receivers whose positions can't be brought into the site, before any comes.
@@ -194,6 +213,7 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   all.takes_feeds = false;
   all.measures = options.scenario / kMeasuresName;
   all.lines = open_lines(options.lines, site.session().site());
+  all.drape = open_drape(options.drape, site.session().site());
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
   say_where(server);
@@ -240,6 +260,7 @@ std::string command_again(const ServeOptions& options) {
   add("--out", options.out);
   add("--design", options.design);
   add("--lines", options.lines);
+  add("--drape", options.drape);
   add("--boundary", options.boundary);
   add("--token-file", options.token_file);
   add("--view-token-file", options.view_token_file);
@@ -276,6 +297,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   }
   all.lines = open_lines(options.lines, site.session().site());
   all.raster_cell_m = scenario.raster_cell_m;
+  all.drape = open_drape(options.drape, site.session().site());
   all.folder = recording.folder;
   all.measures = recording.folder / kMeasuresName;
   if (scenario.mcap) all.mcap_folder = recording.folder;

@@ -213,6 +213,9 @@ class CommandLine {
     sub->add_option("--lines", serve_.lines,
                     "lines of a design to draw: DXF, GeoPackage, GeoJSON or Shapefile")
         ->type_name("FILE");
+    sub->add_option("--drape", serve_.drape,
+                    "orthophoto or map to lay over the ground on the page (GeoTIFF, JPEG, PNG ...)")
+        ->type_name("FILE");
     sub->add_option("--boundary", serve_.boundary,
                     "boundary that machines must not leave: a line x,y for each corner")
         ->type_name("FILE");

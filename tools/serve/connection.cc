@@ -139,6 +139,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       if (!state_.options.takes_feeds) return send(refusal(403, kOnlyLookedAt));
       return expect_body(target);
     }
+    if (path == "/drape" && state_.drape) return send(page_reply(*state_.drape, request));
     stream_.expires_never();
     state_.answer(target, client_of(request),
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
@@ -151,7 +152,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       return {304, file.plain.type, {}, {}, false, {}, tag};
     const bool packs =
         text_of(request[http::field::accept_encoding]).find("deflate") != std::string::npos;
-    return packs ? file.packed : file.plain;
+    return packs && !file.packed.body.empty() ? file.packed : file.plain;
   }
 
   void refuse(beast::error_code error) {

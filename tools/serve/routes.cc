@@ -351,6 +351,8 @@ void ServerState::answer(const std::string& text, const std::string& client,
         throw std::invalid_argument("there are no lines; soilvdb serve takes some by --lines");
       return done({200, "application/json", deflated(options.lines), {}, true});
     }
+    if (path == "/drape")
+      return done(refusal(404, "there is no drape; soilvdb serve takes one by --drape"));
     if (path == "/machines") {
       const QueryParameters parameters(*target, {});
       return done(json_reply(site.feeds()));
@@ -470,7 +472,7 @@ void ServerState::answer(const std::string& text, const std::string& client,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
                  "/mesh.glb, /machines, /machines.csv, /measures, /measures.geojson, "
                  "/measures.csv, /progress, /report, /report.csv, /alarms, /undo, /height, "
-                 "/section, /volume, /terrain and /lines"));
+                 "/section, /volume, /terrain, /lines and /drape"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

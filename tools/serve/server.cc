@@ -19,6 +19,7 @@
 
 #include "io/file/json.h"
 #include "io/terrain/crs.h"
+#include "io/terrain/drape.h"
 #include "soilvdb/io/error.h"
 #include "tools/serve/alarms.h"
 #include "tools/serve/block_message.h"
@@ -50,12 +51,16 @@ constexpr const char* kNoPage =
     "<h1>soilvdb</h1><p>The page isn't built: tools/view/build makes it, with node and npm; "
     "then start soilvdb serve again. Feeds and queries work.</p></html>\n";
 
+std::string tag_of(const std::string& text) {
+  return fmt::format("W/\"{:016x}\"", std::hash<std::string>{}(text));
+}
+
 std::map<std::string, PageFile> read_page(const std::filesystem::path& folder) {
   std::map<std::string, PageFile> page;
   const auto add = [&](const char* path, const char* file, const char* type) {
     std::string text = read_file(folder / file);
     if (text.empty()) return;
-    const std::string tag = fmt::format("W/\"{:016x}\"", std::hash<std::string>{}(text));
+    const std::string tag = tag_of(text);
     std::string packed = deflated(text);
     page[path] = {{200, type, std::move(text), {}, false, {}, tag},
                   {200, type, std::move(packed), {}, true, {}, tag}};
@@ -91,6 +96,9 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
                     ? nullptr
                     : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
       beside(std::make_unique<GroundCopy>(*copy)) {
+  if (options.drape)
+    drape = PageFile{
+        {200, "image/webp", options.drape->webp, {}, false, {}, tag_of(options.drape->webp)}, {}};
   try {
     const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
     acceptor.open(endpoint.protocol());
@@ -182,6 +190,13 @@ Bytes ServerState::description() {
   json["crs"] = io::crs_label(site.session().site().crs_wkt);
   json["design"] = design != nullptr;
   json["lines"] = !options.lines.empty();
+  json["drape"] = nullptr;
+  if (const io::Drape* of = options.drape.get())
+    json["drape"] = {
+        {"bounds",
+         {of->box_m.min().x(), of->box_m.min().y(), of->box_m.max().x(), of->box_m.max().y()}},
+        {"cell_m", of->cell_m},
+        {"tag", drape->plain.tag}};
   json["times"] = times();
   return std::make_shared<const std::string>(io::to_text(json));
 }

@@ -15,6 +15,10 @@
 #include "tools/serve/history.h"
 #include "tools/serve/live_site.h"
 
+namespace soilvdb::inline v0::io {
+struct Drape;  // io/terrain/drape.h
+}
+
 namespace soilvdb::tools {
 
 struct ServerState;  // tools/serve/server_state.h
@@ -27,13 +31,14 @@ struct ServerOptions {
   bool public_view = false;          ///< those who only look need no token
   std::string base_path = {};        ///< "/dig": also served below this path
   bool takes_feeds = true;           ///< false: viewing only
-  std::filesystem::path page = {};   ///< folder of index.html, view.js and view.css
-  std::optional<double> raster_cell_m = {};  ///< of surface.tif; default: the voxel size
-  std::vector<Vec2> boundary = {};           ///< that machines must not leave; empty: none
-  std::string lines = {};                    ///< answer of /lines; empty: none
-  std::filesystem::path folder = {};         ///< of the recording, whose disk may fill; or empty
-  std::filesystem::path mcap_folder = {};    ///< empty: no MCAP is recorded
-  std::filesystem::path measures = {};       ///< file of measures that have names; empty: none stay
+  std::shared_ptr<const io::Drape> drape = {};  ///< null: none
+  std::filesystem::path page = {};              ///< folder of index.html, view.js and view.css
+  std::optional<double> raster_cell_m = {};     ///< of surface.tif; default: the voxel size
+  std::vector<Vec2> boundary = {};              ///< that machines must not leave; empty: none
+  std::string lines = {};                       ///< answer of /lines; empty: none
+  std::filesystem::path folder = {};            ///< of the recording, whose disk may fill; or empty
+  std::filesystem::path mcap_folder = {};       ///< empty: no MCAP is recorded
+  std::filesystem::path measures = {};  ///< file of measures that have names; empty: none stay
 };
 
 /// Serves on the thread that calls run(), which then owns the site. Slow work runs on another

@@ -52,7 +52,7 @@ struct Reply {
 Reply refusal(unsigned status, const std::string& why);
 inline constexpr const char* kOnlyLookedAt = "this site can only be viewed; nothing can be fed";
 
-/// A file of the page, as it is and compressed.
+/// A file that browsers keep, as it is and compressed, unless that is empty.
 struct PageFile {
   Reply plain, packed;
 };
@@ -147,6 +147,7 @@ struct ServerState {
   std::shared_ptr<const InitialTerrain> design;
   const ServerOptions options;
   std::map<std::string, PageFile> page;  ///< by path
+  std::optional<PageFile> drape;         ///< for whoever may look
   std::optional<TerrainTiles> terrain;   ///< during run(): the recording determines where work was
 
   boost::asio::io_context io{1};

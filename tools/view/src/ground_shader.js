@@ -5,7 +5,10 @@
 
 const kColouring = /* glsl */ `
 uniform int mode;               // see ground_uniforms.js
-uniform sampler2D ramps, clod_light;
+uniform sampler2D ramps, clod_light, drape;
+uniform bool draped, compares;  // compares: changes are not since the survey
+uniform vec4 drape_box;         // west and north border in the scene, 1 / width, 1 / height
+uniform float undug_m;          // smaller changes since the survey are errors of meshes
 uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure, pixel_ratio;
 uniform vec2 grid_from_m;       // coordinates of the scene's origin, less a multiple of the grid
 uniform bool patterns;
@@ -70,14 +73,31 @@ vec3 signed_color(vec3 at, vec3 soil, float change_m, bool known) {
   return patterns ? marked(color, cut) : color;
 }
 
-// @param above_low_m height above low_m: the scene's heights are too large for exact differences
-vec3 colored(vec3 at, float above_low_m, float change_m, bool known, float loose, vec3 normal) {
+// The ground's own colour: the photo where it holds, with a white border to dug ground, else soil.
+// @param surveyed the ground is as in the survey
+vec3 ground_color(vec2 at, float change_m, bool surveyed, out bool photo) {
+  vec2 uv = vec2(at.x - drape_box.x, drape_box.y - at.y) * drape_box.zw;
+  float past_m = abs(change_m) - undug_m, width_m = max(fwidth(past_m), 1e-6);
+  vec4 texel = draped ? texture2D(drape, uv) : vec4(0.0);
   vec3 soil = kSoil * (1.0 - 0.07 * max(lines(at.x + grid_from_m.x, grid_m, 0.6), lines(at.y + grid_from_m.y, grid_m, 0.6)));
-  vec3 color = soil;
+  bool inside = draped && texel.a > 0.5 && all(greaterThanEqual(uv, vec2(0.0))) && all(lessThanEqual(uv, vec2(1.0)));
+  photo = inside && surveyed && past_m <= 0.0;
+  if (!inside) return soil;
+  vec3 color = photo ? texel.rgb : soil;
+  float border = surveyed ? 1.0 - smoothstep(1.0, 2.0, abs(past_m) / width_m) : 0.0;
+  return mix(color, vec3(1.0), border);
+}
+
+// @param above_low_m height above low_m: the scene's heights are too large for exact differences
+// @param since_survey_m change since the survey, where that is known
+vec3 colored(vec3 at, float above_low_m, float change_m, bool known, float loose, vec3 normal, float since_survey_m, bool surveyed) {
+  bool photo;
+  vec3 soil = ground_color(at.xy, since_survey_m, surveyed, photo), color = soil;
   if (mode == 0 || mode == 4) color = signed_color(at, soil, change_m, known);
   if (mode == 1 && -change_m >= max(dead_m, kUnit_m) - kHalfUnit_m) color = ramp(2, -change_m / most_m);
   if (mode == 2) {
     color = ramp(3, above_low_m / (high_m - low_m));
+    if (photo) color *= 0.6 + 0.8 * dot(soil, vec3(0.3, 0.59, 0.11));   // its lightness, in the colours of the scale
     color *= 1.0 - 0.3 * height_lines(at, above_low_m + contour_m * fract(low_m / contour_m), contour_m, kLevelSlope);
   }
   if (mode == 3) color = mix(soil, ramp(4, loose), step(0.02, loose));
@@ -186,7 +206,7 @@ void main() {
     if (known) height_m = exact_m;
   }
   if (mode == 4 && designed) above_m = between(above, 0.0, known);
-  gl_FragColor = vec4(colored(scene_at, height_m, known ? above_m : 0.0, known, 0.0, normal), 1.0);
+  gl_FragColor = vec4(colored(scene_at, height_m, known ? above_m : 0.0, known, 0.0, normal, 0.0, true), 1.0);
 }`;
 
 /** Blocks: positions are 16-bit lattice coordinates; the model's matrix converts them to metres. */
@@ -196,9 +216,10 @@ attribute float change, design, loose;
 uniform int mode;
 uniform float low_m;
 varying vec3 scene_at, normal_at;
-varying float above_low_m, change_m, unknown, loose_at;
+varying float above_low_m, change_m, unknown, loose_at, since_m;
 void main() {
   float value = mode == 4 ? design : change;
+  since_m = change < -32767.5 ? 1e3 : 0.001 * change;
   unknown = value < -32767.5 ? 1.0 : 0.0;
   change_m = unknown > 0.5 ? 0.0 : 0.001 * value;
   loose_at = loose;
@@ -210,8 +231,8 @@ void main() {
 
 export const kBlockFragment = kColouring + /* glsl */ `
 varying vec3 scene_at, normal_at;
-varying float above_low_m, change_m, unknown, loose_at;
+varying float above_low_m, change_m, unknown, loose_at, since_m;
 void main() {
   vec3 normal = normalize(normal_at) * (gl_FrontFacing ? 1.0 : -1.0);
-  gl_FragColor = vec4(colored(scene_at, above_low_m, change_m, unknown < 0.5, loose_at, normal), 1.0);
+  gl_FragColor = vec4(colored(scene_at, above_low_m, change_m, unknown < 0.5, loose_at, normal, since_m, !compares), 1.0);
 }`;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Uniforms that all materials of the ground share: colours and resident chunks.
-import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, LinearMipmapLinearFilter, NearestFilter, RedFormat, RepeatWrapping, RGBAFormat, RGBAIntegerFormat, ShaderMaterial, Vector2, Vector3} from 'three';
+import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, LinearMipmapLinearFilter, NearestFilter, RedFormat, RepeatWrapping, RGBAFormat, RGBAIntegerFormat, ShaderMaterial, Vector2, Vector3, Vector4} from 'three';
 import {kBlockFragment, kBlockVertex, kTerrainFragment, kTerrainVertex} from './ground_shader.js';
 import {clodTexels, kClodTexels, kRampRows, kRampWidth, rampTexels} from './ramps.js';
 
@@ -43,6 +43,7 @@ export class GroundUniforms {
     mode: {value: 0}, ramps: {value: rampTexture()}, clod_light: {value: clodTexture()}, patterns: {value: false},
     most_m: {value: 1}, dead_m: {value: 0.02}, step_m: {value: 0.5},
     low_m: {value: 0}, high_m: {value: 1}, contour_m: {value: 1}, grid_m: {value: 10}, grid_from_m: {value: new Vector2()},
+    drape: {value: null}, draped: {value: false}, drape_box: {value: new Vector4()}, compares: {value: false}, undug_m: {value: 0},
     clod_m: {value: 0.1}, exposure: {value: 1}, pixel_ratio: {value: 1}, voxel_m: {value: 0.05},
     sun: {value: new Vector3(-0.48, 0.31, 0.82).normalize()},
     chunks: {value: null}, slot_mask: {value: 0}, probes: {value: 0},

@@ -18,6 +18,7 @@ const kKeys = [
   ['Whole site · Where the work is', ['F', 'G'], ''],
   ['Next colours', ['C'], ''],
   ['Force of the soil on the buckets', ['K'], 'if the scenario has soil'],
+  ['Photo or map on the ground', ['O'], 'if the site has one'],
   ['Live · Compare from this time', ['L', 'A'], ''],
   ['Previous · next snapshot', ['[', ']'], ''],
   ['This help', ['?'], ''],

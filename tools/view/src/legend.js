@@ -105,7 +105,7 @@ export class Legend {
     const signed = mode === 'change' || mode === 'design';
     this.bandLabel.hidden = !signed && mode !== 'depth';
     this.patternLabel.hidden = !signed;
-    this.options.hidden = mode === 'height' || mode === 'loose';
+    this.options.classList.toggle('empty', mode === 'height' || mode === 'loose');
     const metric = units.unit('length') === 'm';
     this.bandText.textContent = metric ? `${Number((100 * dead).toFixed(1))}\u2009cm` : format.step(dead);
     const span = (ramp, direction, pattern) => h('span', {style: `background:${pattern ? `${pattern},` : ''}${gradient(ramp, direction)}`});

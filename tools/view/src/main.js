@@ -9,6 +9,7 @@ import {GroundPick} from './ground_pick.js';
 import {GroundUniforms} from './ground_uniforms.js';
 import {Controls, drawScale} from './controls.js';
 import {designLines} from './design_lines.js';
+import {Drape} from './drape.js';
 import {Forces} from './forces.js';
 import {fillHelp} from './help.js';
 import {Legend} from './legend.js';
@@ -28,9 +29,11 @@ import {Views} from './views.js';
 import {handle} from './test_handle.js';
 
 /** The properties that identify a site; the page restarts if one changes. */
-const identity = (site) => JSON.stringify([site.name, site.voxel_size_m, site.origin, site.terrain, site.machines]);
+const identity = (site) => JSON.stringify([site.name, site.voxel_size_m, site.origin, site.terrain, site.machines, site.drape]);
 
 class Page {
+  comparing = new Set();   // views whose changes are since another time
+
   /** @param {Object} site from the server @param {Link} link */
   constructor(site, link) {
     this.site = site;
@@ -61,6 +64,7 @@ class Page {
     this.sceneView.scene.add(this.terrain.group, this.machines.group);
     this.table = new MachineTable($('machine-table'), site, pick);
     this.legend = new Legend($('legend'), site, this.uniforms, changed);
+    this.drape = new Drape(site, this.origin, this.uniforms, changed);
     this.forces = new Forces(site, (force) => this.link.send({force}), (forces) => this.machines.showForces(forces));
     this.timeline = new Timeline($('time'), site.live, (time, against) => this.link.send({time, against}));
     this.pick = new GroundPick(this.sceneView, this.terrain, this.views);
@@ -71,7 +75,7 @@ class Page {
       sceneView: this.sceneView, pick: this.pick, overlay: this.overlay, measures: this.measures, origin: this.origin,
       fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), done: () => openPanel('measures'),
       keys: {
-        'c': () => this.legend.next(), 'k': () => this.forces.switch(!this.forces.on), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
+        'c': () => this.legend.next(), 'k': () => this.forces.switch(!this.forces.on), 'o': () => this.drape.switch(!this.drape.on), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
         '[': () => this.timeline.step(-1), ']': () => this.timeline.step(1), '?': () => $('help').showModal(),
       },
     });
@@ -127,6 +131,7 @@ class Page {
   beforeFrame() {
     const changed = this.views.takeChange();
     const moving = this.machines.animate();
+    this.uniforms.values.compares.value = this.comparing.has(this.views.shown.id);
     this.controls?.hover();
     if (changed) {
       this.overlay.drapeAgain();
@@ -268,6 +273,7 @@ class Page {
   viewComes(view) {
     this.view = view;
     this.views.expect(view.id);
+    this.comparing[view.against_s === null ? 'delete' : 'add'](view.id);
     if (view.state ?? this.live) this.showState(view.state ?? this.live, true);
     this.forces.wait(view.time_s !== null);
     this.sayConnection();

@@ -7,7 +7,7 @@ import {hint, startMenu} from './surroundings.js';
 import * as units from './units.js';
 
 const kKey = 'soilvdb-units';
-const kNames = {length: 'Lengths', volume: 'Volumes', mass: 'Masses', soil: 'Soil volumes'};
+const kNames = {length: 'Lengths', volume: 'Volumes', mass: 'Masses', soil: 'Soil'};
 
 const kept = () => {
   try {
@@ -35,7 +35,7 @@ export class UnitsMenu {
       [kind, h('select', {'aria-label': kNames[kind], onchange: () => this.#chosen()}, ...Object.entries(all).map(([word, [name]]) => h('option', {value: word}, name)))]));
     $('unit-list').replaceChildren(
       ...Object.entries(this.selects).map(([kind, select]) => h('label', {}, kNames[kind], select)),
-      h('p', {}, site.soil ? 'Loads count as loose soil, dug volumes in place as bank soil. Boundaries and sections are geometry: in place.' : 'On this page and in the report. Files for other programs are in m, m³ and kg.'));
+      h('p', {}, site.soil ? 'Volumes of soil: loads are counted loose, dug soil in place as bank. Boundaries and sections measure geometry, in place.' : 'On this page and in the report. Files for other programs are in m, m³ and kg.'));
     startMenu($('units'));
     units.setSwell(site.soil?.swell ?? null);
     this.#read();
