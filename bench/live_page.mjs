@@ -72,6 +72,19 @@ async function besideHalfOpen(url) {
   return most;
 }
 
+/** A photo of all the site, as coarse as browsers get it, placed by its world file. */
+function photo(file) {
+  const n = quick ? 256 : 2048, head = Buffer.alloc(54), pixels = Buffer.alloc(3 * n * n);
+  head.write('BM');
+  [[2, 54 + pixels.length], [10, 54], [14, 40], [18, n], [22, n], [34, pixels.length]].forEach(([at, v]) => head.writeUInt32LE(v, at));
+  head.writeUInt16LE(1, 26);
+  head.writeUInt16LE(24, 28);
+  for (let k = 0; k < pixels.length; ++k) pixels[k] = 128 + 60 * Math.sin(k / 97) + 50 * Math.sin(12.9898 * k);
+  fs.writeFileSync(file, Buffer.concat([head, pixels]));
+  const cell_m = kPosts / n;
+  fs.writeFileSync(file.replace(/bmp$/, 'bpw'), [cell_m, 0, 0, -cell_m, 500000 + cell_m / 2, 5400000 + kPosts - cell_m / 2].join('\n'));
+}
+
 if (site.missing) {
   console.log(`without the page's figures: ${site.missing}`);
   process.exit();
@@ -99,6 +112,13 @@ try {
     [`the same beside ${kSections} sections of ${kSectionPoints} points`, await besideSections(server.url), 'ms', '<= 50'],
     [`the same beside ${kHalfOpen} connections that say nothing`, await besideHalfOpen(server.url), 'ms', '<= 50'],
   ];
+  photo(path.join(folder, 'photo.bmp'));
+  const draped = await site.serve(path.join(folder, 'wide.yaml'), '--out', path.join(folder, 'draped'), '--drape', path.join(folder, 'photo.bmp'), '--port', '0');
+  const {page, close} = await visit(browser, draped.url);
+  await page.waitForFunction(() => window.soilvdb.draped());
+  figures.splice(3, 0, ['the same under an orthophoto', await turning(page), '1/s', '>= 10']);
+  await close();
+  await draped.stop();
   fs.writeFileSync(path.join(out, 'page.csv'), ['figure,measured,unit,goal', ...figures.map(([name, value, unit, goal]) => `"${name}",${value.toPrecision(4)},${unit},${goal}`), ''].join('\n'));
   for (const [name, value, unit, goal] of figures) {
     const [sign, limit] = goal.split(' ');

@@ -331,7 +331,7 @@ looking('a photo lies on ground as it was surveyed, and never on ground that was
   const all = async () => [await blue(undug), await blue(dug), await blue(outside)];
   for (const mode of ['loose', 'depth', 'change']) {
     await page.selectOption('[aria-label="Colour by"]', mode);
-    await page.waitForFunction(() => document.querySelector('#drape').checked);
+    await page.waitForFunction(() => window.soilvdb.draped());
     await site.drawn(page);
     assert.deepEqual(await all(), [true, false, false], mode);
   }

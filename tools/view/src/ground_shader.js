@@ -79,11 +79,11 @@ vec3 ground_color(vec2 at, float change_m, bool surveyed, out bool photo) {
   vec2 uv = vec2(at.x - drape_box.x, drape_box.y - at.y) * drape_box.zw;
   float past_m = abs(change_m) - undug_m, width_m = max(fwidth(past_m), 1e-6);
   vec4 texel = draped ? texture2D(drape, uv) : vec4(0.0);
-  vec3 soil = kSoil * (1.0 - 0.07 * max(lines(at.x + grid_from_m.x, grid_m, 0.6), lines(at.y + grid_from_m.y, grid_m, 0.6)));
   bool inside = draped && texel.a > 0.5 && all(greaterThanEqual(uv, vec2(0.0))) && all(lessThanEqual(uv, vec2(1.0)));
   photo = inside && surveyed && past_m <= 0.0;
-  if (!inside) return soil;
-  vec3 color = photo ? texel.rgb : soil;
+  vec3 color = texel.rgb;
+  if (!photo) color = kSoil * (1.0 - 0.07 * max(lines(at.x + grid_from_m.x, grid_m, 0.6), lines(at.y + grid_from_m.y, grid_m, 0.6)));
+  if (!inside) return color;
   float border = surveyed ? 1.0 - smoothstep(1.0, 2.0, abs(past_m) / width_m) : 0.0;
   return mix(color, vec3(1.0), border);
 }

@@ -7,6 +7,7 @@ import {MapControls} from 'three/addons/controls/MapControls.js';
 
 const kFlight_ms = 700;
 const kSlow_ms = 90, kStill_ms = 400;   // between pictures
+const kCoarsest = 0.35;   // pixels of pictures that move, per pixel
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
 
 export class SceneView {
@@ -103,7 +104,7 @@ export class SceneView {
     this.#slow = gap > kSlow_ms ? this.#slow + 1 : Math.max(0, this.#slow - 0.02);
     if (this.#slow >= 2) {
       this.#slow = 0;
-      this.#sharpness = Math.max(0.5, 0.7 * this.#sharpness);
+      this.#sharpness = Math.max(kCoarsest, 0.7 * this.#sharpness);
     }
     if (this.#drawnSharp !== this.#sharpness) this.#sharpen(this.#sharpness);
   }

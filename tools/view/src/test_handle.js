@@ -18,6 +18,8 @@ export function handle(page) {
     machines: () => page.machines.places.map(({name, position, arrow}) => ({name, position: position && page.world(position), arrow: arrow && arrow.toArray()})),
     /** Segments of the design's lines that are drawn. */
     lines: () => (page.lines ? page.lines.geometry.getAttribute('position').count / 2 : 0),
+    /** Whether a photo lies on the ground. */
+    draped: () => page.uniforms.values.draped.value,
     frames: () => page.sceneView.frames,
     memory: () => ({...page.sceneView.renderer.info.memory}),
     /** Window pixel of a place in the world, or null. */
