@@ -3,6 +3,7 @@
 // Progress of an area to the design: what is left over time, the rate, and the expected end.
 import {h, svg} from './dom.js';
 import * as format from './format.js';
+import * as units from './units.js';
 
 const kWidth = 320, kHeight = 150, kLeft = 62, kRight = 8, kTop = 10, kFoot = 22;
 const kMostAhead = 2;   // of the time so far, to which the way to the end is drawn
@@ -29,7 +30,7 @@ export function progressFigures(progress) {
 function chart({over_time: {time_s, to_cut_m3, to_fill_m3}, end_s}) {
   const first = time_s[0], now = time_s[time_s.length - 1];
   const ahead = end_s !== null && end_s - now <= kMostAhead * (now - first), last = ahead ? end_s : now;
-  const most = Math.max(...to_cut_m3, ...to_fill_m3, 1e-3), step = format.roundUp125(most / 3), top = step * Math.ceil(most / step - 1e-9);
+  const most = Math.max(...to_cut_m3, ...to_fill_m3, 1e-3), step = units.si('volume', format.roundUp125(units.shown('volume', most / 3))), top = step * Math.ceil(most / step - 1e-9);
   const x = (t) => kLeft + ((t - first) / (last - first)) * (kWidth - kLeft - kRight);
   const y = (v) => kTop + (1 - v / top) * (kHeight - kTop - kFoot);
   const way = (values) => values.map((v, i) => `${i === 0 ? 'M' : 'L'}${x(time_s[i]).toFixed(1)} ${y(v).toFixed(1)}`).join('');
