@@ -23,7 +23,7 @@ dl.sums { display: grid; grid-template-columns: repeat(auto-fit, minmax(128px, 1
 dl.sums div { border: 1px solid var(--line); border-radius: 6px; padding: 8px 12px; }
 dl.sums dt { color: var(--faint); }
 dl.sums dd { margin: 0; font-size: 19px; font-weight: 600; white-space: nowrap; }
-dl.sums small { font-size: 13px; font-weight: 400; }
+dl.sums small { display: block; font-size: 13px; font-weight: 400; }
 table { width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: 5px 8px; text-align: right; border-bottom: 1px solid var(--line); vertical-align: baseline; white-space: nowrap; }
 thead th { vertical-align: bottom; color: var(--faint); font-weight: 500; border-bottom: 1px solid var(--ink); }

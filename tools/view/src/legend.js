@@ -107,7 +107,7 @@ export class Legend {
     this.patternLabel.hidden = !signed;
     this.options.classList.toggle('empty', mode === 'height' || mode === 'loose');
     const metric = units.unit('length') === 'm';
-    this.bandText.textContent = metric ? `${Number((100 * dead).toFixed(1))}\u2009cm` : format.step(dead);
+    this.bandText.textContent = metric ? `${Number((100 * dead).toFixed(1))}\u2009cm` : format.length(dead);
     const span = (ramp, direction, pattern) => h('span', {style: `background:${pattern ? `${pattern},` : ''}${gradient(ramp, direction)}`});
     const stripes = u.patterns.value ? 'repeating-linear-gradient(-45deg, rgb(20 0 0 / 30%) 0 1.5px, transparent 1.5px 6px)' : '';
     const dots = u.patterns.value ? 'radial-gradient(circle, rgb(255 255 255 / 38%) 1.4px, transparent 1.8px) 0 0 / 6px 6px' : '';
