@@ -23,7 +23,7 @@ namespace {
 
 constexpr double kMostPixels = 1 << 22;  // 16 MB of a graphics card, 5 MB more with its mipmaps
 constexpr int kMostSide = 4096;          // of textures that every browser can have
-constexpr std::size_t kMostBytes = 4 << 20;
+constexpr std::size_t kMostWebp_bytes = 4 << 20;
 constexpr const char* kQuality = "QUALITY=80";
 constexpr int kAlongSide = 20;  // points of each border that are transformed
 
@@ -343,7 +343,7 @@ Drape open_drape(const std::filesystem::path& file, const std::string& crs_wkt, 
     const GdalDataset made = warped(file, dataset, crs, colours, drape, messages);
     drape.webp = picture_of(made, colours, drape, messages);
     if (drape.webp.empty()) refuse_place();
-    if (drape.webp.size() <= kMostBytes) return drape;
+    if (drape.webp.size() <= kMostWebp_bytes) return drape;
   }
 }
 

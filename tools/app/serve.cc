@@ -85,8 +85,8 @@ std::string open_lines(const std::optional<fs::path>& file, const io::Site& site
 }
 
 /// @param site that it lies on
-std::shared_ptr<const io::Drape> open_drape(const std::optional<fs::path>& file,
-                                            const io::Site& site) {
+std::shared_ptr<const io::Drape> drape_of(const std::optional<fs::path>& file,
+                                          const io::Site& site) {
   if (!file) return nullptr;
   auto drape = std::make_shared<io::Drape>(
       io::open_drape(*file, site.crs_wkt,
@@ -211,9 +211,13 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   Opened opened = open_folder(options.scenario);
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   all.takes_feeds = false;
+<<<<<<< HEAD
   all.measures = options.scenario / kMeasuresName;
   all.lines = open_lines(options.lines, site.session().site());
   all.drape = open_drape(options.drape, site.session().site());
+=======
+  all.drape = drape_of(options.drape, site.session().site());
+>>>>>>> f52a590 (README's picture of the live page; names of drapes that differ from others')
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
   say_where(server);
@@ -297,7 +301,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   }
   all.lines = open_lines(options.lines, site.session().site());
   all.raster_cell_m = scenario.raster_cell_m;
-  all.drape = open_drape(options.drape, site.session().site());
+  all.drape = drape_of(options.drape, site.session().site());
   all.folder = recording.folder;
   all.measures = recording.folder / kMeasuresName;
   if (scenario.mcap) all.mcap_folder = recording.folder;
