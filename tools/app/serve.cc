@@ -211,13 +211,9 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   Opened opened = open_folder(options.scenario);
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   all.takes_feeds = false;
-<<<<<<< HEAD
   all.measures = options.scenario / kMeasuresName;
   all.lines = open_lines(options.lines, site.session().site());
-  all.drape = open_drape(options.drape, site.session().site());
-=======
   all.drape = drape_of(options.drape, site.session().site());
->>>>>>> f52a590 (README's picture of the live page; names of drapes that differ from others')
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
   say_where(server);

@@ -17,6 +17,7 @@
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
+#include "tools/serve/ground_view.h"
 #include "tools/serve/line_values.h"
 
 namespace soilvdb::tools {

@@ -11,9 +11,10 @@
 #include <vector>
 
 #include "soilvdb/types.h"
-#include "tools/serve/ground_view.h"
 
 namespace soilvdb::tools {
+
+class GroundView;
 
 inline constexpr const char* kMeasuresName = "measures.json";
 /// Of a boundary.
