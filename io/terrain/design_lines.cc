@@ -29,6 +29,10 @@ struct EndFeature {
   void operator()(void* feature) const { gdal().OGR_F_Destroy(feature); }
 };
 
+struct EndGeometry {
+  void operator()(void* geometry) const { gdal().OGR_G_DestroyGeometry(geometry); }
+};
+
 /// A CRS of x and y alone, x to the east.
 OwnSrs plan_of(Srs srs) {
   OwnSrs plan(gdal().OSRClone(srs));
@@ -79,8 +83,12 @@ class LineReader {
     way_.reset();
     set_way(gdal().OGR_L_GetSpatialRef(layer));
     while (const std::unique_ptr<void, EndFeature> feature{gdal().OGR_L_GetNextFeature(layer)})
-      if (const OGRGeometryH geometry = gdal().OGR_F_GetGeometryRef(feature.get()))
-        add(geometry, 0);
+      if (const OGRGeometryH geometry = gdal().OGR_F_GetGeometryRef(feature.get())) {
+        const std::unique_ptr<void, EndGeometry> straight{
+            // arcs as chords
+            gdal().OGR_G_GetLinearGeometry(geometry, 0, nullptr)};
+        add(straight.get(), 0);
+      }
   }
 
   /// Prepares the way from a layer's CRS to the site's.

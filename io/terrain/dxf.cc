@@ -86,7 +86,11 @@ class DxfReader {
         const int at = gdal().OGR_F_GetFieldIndex(feature.get(), field);
         return at < 0 ? "" : gdal().OGR_F_GetFieldAsString(feature.get(), at);
       };
-      if (text("SubClasses").find("AcDbHatch") == std::string::npos) add(text("Layer"), geometry);
+      const std::string kind = text("SubClasses");
+      const bool is_face = kind.find("AcDbHatch") == kind.npos &&
+                           kind.find("AcDbTrace") == kind.npos &&
+                           kind.find("AcDbLeader") == kind.npos;
+      if (is_face && text("PaperSpace") != "1") add(text("Layer"), geometry);
     }
     if (!messages.error().empty())
       throw InputError(from_.file, fmt::format("is damaged ({})", messages.error()));
@@ -97,9 +101,12 @@ class DxfReader {
   void add(const std::string& layer, OGRGeometryH geometry) {
     const OGRwkbGeometryType type = gdal().OGR_G_GetGeometryType(geometry);
     if (type == wkbPolygon25D) return add_face(layer, geometry);
-    if (type != wkbPolyhedralSurfaceZ && type != wkbTINZ) return;
+    // Of a mesh, or of a block that was inserted.
+    if (type != wkbPolyhedralSurfaceZ && type != wkbTINZ && type != wkbMultiPolygon25D &&
+        type != wkbGeometryCollection25D)
+      return;
     for (int i = 0; i < gdal().OGR_G_GetGeometryCount(geometry); ++i)
-      add_face(layer, gdal().OGR_G_GetGeometryRef(geometry, i));
+      add(layer, gdal().OGR_G_GetGeometryRef(geometry, i));
   }
 
   Layer& layer_of(const std::string& name) {

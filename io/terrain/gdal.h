@@ -36,7 +36,8 @@ namespace soilvdb::inline v0::io {
   F(OSRIsProjected) F(OSRSetLinearUnitsAndUpdateParameters)                                        \
   F(GDALDatasetGetLayer) F(GDALDatasetGetLayerCount) F(OGR_F_Destroy) F(OGR_F_GetFieldAsString)    \
   F(OGR_F_GetFieldIndex) F(OGR_F_GetGeometryRef) F(OGR_G_GetGeometryCount)                         \
-  F(OGR_G_GetGeometryRef) F(OGR_G_GetGeometryType) F(OGR_G_GetPoint) F(OGR_G_GetPointCount)        \
+  F(OGR_G_DestroyGeometry) F(OGR_G_GetGeometryRef) F(OGR_G_GetGeometryType)                        \
+  F(OGR_G_GetLinearGeometry) F(OGR_G_GetPoint) F(OGR_G_GetPointCount)                              \
   F(OGR_L_GetNextFeature) F(OGR_L_GetSpatialRef) F(OGR_G_Is3D) F(OGR_GT_Flatten)                   \
   F(OSRIsSameEx) F(OSRNewSpatialReference) F(OSRSetAxisMappingStrategy) F(OSRStripVertical)        \
   F(VSIFree) F(VSIGetMemFileBuffer) F(VSIUnlink)

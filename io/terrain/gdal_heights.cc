@@ -16,8 +16,7 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-constexpr double kHighest = 1e5;                             // m, either way
-constexpr float kVoids[] = {-9999, -99999, -32768, -32767};  // m
+constexpr double kHighest = 1e5;  // m, either way
 
 }  // namespace
 

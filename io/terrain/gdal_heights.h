@@ -15,6 +15,8 @@
 
 namespace soilvdb::inline v0::io {
 
+/// Heights by which programs say that there is none.
+inline constexpr float kVoids[] = {-9999, -99999, -32768, -32767};
 inline constexpr std::int64_t kReadWhole = 1 << 20;  // posts; larger rasters are sampled
 
 /// Heights of the first band. Thread-safe.

@@ -189,7 +189,7 @@ class LandXmlReader {
     if (open_.size() == kMostDepth) fail("has more than 100 tags within each other");
     const char* const colon = std::strrchr(name, ':');
     open_.push_back(opened(colon != nullptr ? colon + 1 : name, attributes));
-    text_.clear();
+    if (open_.back() != Element::kOther) text_.clear();  // points may have tags within
   }
 
   void add(std::string_view text) {

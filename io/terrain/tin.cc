@@ -18,6 +18,7 @@
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
 #include "io/terrain/gdal.h"
+#include "io/terrain/gdal_heights.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -34,6 +35,7 @@ constexpr double kOn_m = 1e-6;
 constexpr double kRounding_m = 0.001;
 constexpr double kHighest_m = 1e5;     // as of rasters
 constexpr double kMostFacesOver = 32;  // one another, on average
+constexpr double kCoarse_m = 1;        // posts that are farther apart are told
 
 double cross2(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
@@ -152,6 +154,13 @@ class TinHeights final : public HeightSource {
       all.push_back(
           fmt::format("{} vertical; heights jump there",
                       vertical_ == 1 ? "a face is" : fmt::format("{} faces are", vertical_)));
+    if (grid_.spacing.maxCoeff() > kCoarse_m)
+      all.push_back(
+          fmt::format("faces span {:.0f} m x {:.0f} m, so heights are read at posts {:.2g} m apart",
+                      box_.sizes().x(), box_.sizes().y(), grid_.spacing.maxCoeff()));
+    if (has_too_many_)
+      all.emplace_back(
+          "has too many long faces side by side to compare all; some may lie over others");
     if (overlap_)
       all.push_back(
           fmt::format("faces lie over one another, first at {:.2f}, {:.2f} with heights "
@@ -230,14 +239,14 @@ class TinHeights final : public HeightSource {
     throw InputError(path_, "has too many faces over one another to be a surface");
   }
 
-  /// The first face of which another has another height. @throw InputError for a pile of faces
+  /// The first face of which another has another height.
   void find_overlap() {
-    std::int64_t left = 2'000'000 + 200 * static_cast<std::int64_t>(tin_.faces.size());
+    std::int64_t left = 50'000'000 + 200 * static_cast<std::int64_t>(tin_.faces.size());
     for (const auto& [box, face] : tree_) {
       const Corners t = corners(face);
       const auto compare = [&, own = face](const Entry& entry) {
         if (entry.second <= own) return;
-        if (--left < 0) fail_as_pile();
+        if (--left < 0) return;
         const Corners other = corners(entry.second);
         if (is_beside(t, other) || is_beside(other, t)) return;
         const std::vector<Vec2> part = common_part(t, other);
@@ -251,7 +260,8 @@ class TinHeights final : public HeightSource {
         }
       };
       tree_.query(index::intersects(box), boost::make_function_output_iterator(compare));
-      if (overlap_) return;
+      has_too_many_ = left < 0;
+      if (overlap_ || has_too_many_) return;
     }
   }
 
@@ -262,6 +272,7 @@ class TinHeights final : public HeightSource {
   Eigen::AlignedBox3d box_;
   double area_m2_ = 0;  ///< of all faces in plan
   std::size_t vertical_ = 0;
+  bool has_too_many_ = false;  ///< pairs of faces to look for overlaps
   std::optional<Overlap> overlap_;
   std::uint32_t first_ = 0;
 };
@@ -272,6 +283,17 @@ RasterInput open_tin(const std::filesystem::path& path) {
   const FilePart from = file_part(path);
   const bool is_dxf = suffix_of(from.file) == ".dxf";
   TinInput input = is_dxf ? read_dxf(from) : read_landxml(from);
+  const auto is_void = [&](std::uint32_t corner) {
+    const double z = input.tin.points[corner].z();
+    return std::find(std::begin(kVoids), std::end(kVoids), z) != std::end(kVoids);
+  };
+  const std::size_t without = std::erase_if(input.tin.faces, [&](const auto& face) {
+    return std::any_of(face.begin(), face.end(), is_void);
+  });
+  if (without > 0)
+    input.doubts.push_back(fmt::format(
+        "{} with a corner at -9999 or another number for no height {} left out",
+        without == 1 ? "a face" : fmt::format("{} faces", without), without == 1 ? "is" : "are"));
   const Vec3 metres(input.unit_m, input.unit_m, input.height_unit_m);
   for (Vec3& p : input.tin.points) p = p.cwiseProduct(metres);
   const auto source = std::make_shared<TinHeights>(path, std::move(input.tin));

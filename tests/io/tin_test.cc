@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <random>
 #include <string>
 #include <utility>
@@ -272,6 +273,52 @@ TEST(Tin, DoubtfulFacesAreTold) {
               ElementsAre(HasSubstr("gives no Units; its coordinates are taken as metres")));
 }
 
+TEST(Tin, LongFacesSideBySideAreASurface) {
+  const TempFolder folder;
+  constexpr int kFaces = 3000;  // of a round tank's floor
+  Tin floor;
+  floor.points.emplace_back(0, 0, 2);
+  for (int i = 0; i < kFaces; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kFaces;
+    floor.points.emplace_back(5 * std::cos(angle), 5 * std::sin(angle), 1);
+    floor.faces.push_back({0, std::uint32_t(i + 1), std::uint32_t((i + 1) % kFaces + 1)});
+  }
+  const RasterInput surface = open_raster(folder.write("a.xml", landxml(surface_of(floor))));
+  EXPECT_THAT(surface.warnings, IsEmpty());
+  for_posts(surface, [](const Vec2& at, float z) {
+    if (at.norm() > 4.999) return;
+    ASSERT_NEAR(z, 2 - at.norm() / 5, 1e-5);
+  });
+}
+
+TEST(Tin, CornersWithoutAHeightAndFacesFarAwayAreTold) {
+  const TempFolder folder;
+  const std::string good = landxml(surface_of(pyramid()));
+  for (const char* none : {"-9999", "-99999.0", "-32768"}) {
+    const RasterInput pit = open_raster(folder.write(
+        "a.xml", change(good, "5400000 500020 10<", std::string("5400000 500020 ") + none + "<")));
+    EXPECT_THAT(pit.warnings, ElementsAre(HasSubstr("2 faces with a corner at -9999")));
+  }
+  Tin stray = pyramid();
+  for (const Vec3& p : {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0)}) stray.points.push_back(p);
+  stray.faces.push_back({5, 6, 7});
+  EXPECT_THAT(
+      open_raster(folder.write("a.xml", landxml(surface_of(stray)))).warnings,
+      ElementsAre(AllOf(HasSubstr("faces span 500020 m x 5400020 m"), HasSubstr("m apart"))));
+}
+
+TEST(Tin, PointsMayHaveTagsWithin) {
+  const TempFolder folder;
+  const std::string good = landxml(surface_of(pyramid()));
+  const auto heights_of = [&](const std::string& text) {
+    return all_of(open_raster(folder.write("a.xml", text)));
+  };
+  const std::string point = "5400010 500010 5";
+  EXPECT_EQ(heights_of(change(good, point, point + "<Feature code='x'/>")), heights_of(good));
+  EXPECT_EQ(heights_of(change(good, point, "5400010 <Feature>7</Feature>500010 5")),
+            heights_of(good));
+}
+
 TEST(Tin, OneOfSeveralSurfacesIsNamed) {
   const TempFolder folder;
   const auto file = folder.write("a.xml", landxml(surface_of(pyramid(), "as built") +
@@ -348,11 +395,16 @@ std::string face(const std::string& layer, const std::vector<Vec3>& corners) {
   return text;
 }
 
-std::string dxf(const std::string& entities, const std::string& unit) {
+/// @param block entities of a block "part"
+std::string dxf(const std::string& entities, const std::string& unit,
+                const std::string& block = "") {
   return groups({{0, "SECTION"}, {2, "HEADER"}}) +
-         (unit.empty() ? "" : groups({{9, "$INSUNITS"}, {70, unit}})) +
-         groups({{0, "ENDSEC"}, {0, "SECTION"}, {2, "ENTITIES"}}) + entities +
-         groups({{0, "ENDSEC"}, {0, "EOF"}});
+         (unit.empty() ? "" : groups({{9, "$INSUNITS"}, {70, unit}})) + groups({{0, "ENDSEC"}}) +
+         (block.empty()
+              ? ""
+              : groups({{0, "SECTION"}, {2, "BLOCKS"}, {0, "BLOCK"}, {8, "0"}, {2, "part"}}) +
+                    corner(0, Vec3::Zero()) + block + groups({{0, "ENDBLK"}, {0, "ENDSEC"}})) +
+         groups({{0, "SECTION"}, {2, "ENTITIES"}}) + entities + groups({{0, "ENDSEC"}, {0, "EOF"}});
 }
 
 std::string faces_of(const Tin& tin, double unit_m = 1) {
@@ -380,6 +432,21 @@ TEST(Tin, FacesOfADxfAreASurface) {
   EXPECT_THAT(refusal(folder, folder.write("a.dxf", dxf("", "6"))), HasSubstr("has no surface"));
   EXPECT_THAT(refusal(folder, folder.write("a.dxf", "rubbish")),
               HasSubstr("is not a readable DXF"));
+}
+
+TEST(Tin, FacesOfABlockAreWhereItIsInserted) {
+  const TempFolder folder;
+  const std::vector<float> wanted =
+      all_of(open_raster(folder.write("a.xml", landxml(surface_of(pyramid())))));
+  const std::string insert = groups({{0, "INSERT"}, {8, "top"}, {2, "part"}});
+  Tin part = pyramid({0, 0}, 0), other = pyramid();
+  part.faces.resize(2);
+  other.faces.erase(other.faces.begin(), other.faces.begin() + 2);
+  const RasterInput both = open_raster(folder.write(
+      "a.dxf",
+      dxf(faces_of(other) + insert + corner(0, {500000, 5400000, 10}), "6", faces_of(part))));
+  EXPECT_THAT(both.warnings, IsEmpty());
+  EXPECT_THAT(all_of(both), ::testing::Pointwise(::testing::FloatNear(2e-6F), wanted));
 }
 
 TEST(Tin, MeshesAndFoursidedFacesOfADxfAreFaces) {

@@ -164,6 +164,17 @@ def test_lines_of_a_design_are_brought_to_the_site(site, tmp_path):
     assert "plan.gpkg: has coordinates in EPSG:4326, and the terrain has no CRS" in refusal.stderr.splitlines()[-1]
 
 
+def test_arcs_of_lines_are_drawn(site, tmp_path):
+    (tmp_path / "arc.csv").write_text(
+        'id,WKT\n1,"COMPOUNDCURVE((101 201, 103 201), CIRCULARSTRING(103 201, 104 202, 105 201))"\n')
+    subprocess.run(["ogr2ogr", "-a_srs", "EPSG:25832", "-nlt", "COMPOUNDCURVE", "arc.gpkg", "arc.csv"], cwd=tmp_path, check=True)
+    with Server(site, "--lines", "arc.gpkg", "--out", tmp_path / "out", cwd=tmp_path) as server:
+        [line] = np.array(server.json("/lines")["lines"])
+        arc = line[line[:, 0] > 103.001]
+        assert len(arc) > 10 and arc[-1, 0] == pytest.approx(105, abs=2e-3)
+        np.testing.assert_allclose(np.hypot(arc[:, 0] - 104, arc[:, 1] - 201), 1, atol=5e-3)
+
+
 def test_lines_of_a_dxf_are_in_its_unit(site, tmp_path):
     def line(*places):
         values = [(10 * axis + 10 + n, v / 0.3048) for n, place in enumerate(places) for axis, v in enumerate(place)]

@@ -286,6 +286,18 @@ def test_days_of_work_tell_how_long_days_of_work_are(site):
         assert done["note"].startswith("the design is reached") and done["end_s"] is None and done["done"] > 0.98
 
 
+def test_what_was_dug_before_the_first_time_is_not_of_its_rate(site):
+    with served(site) as server:
+        of = area(server, "pit")
+        feed(server, [{key: state[key] for key in state if key != "time"} for state in strips(0.0, 960, 4, 1)])
+        feed(server, strips(600.0, 960, 0, 1))
+        told = progress(server, of)
+        first_s, first_m3 = (told["over_time"][key][0] for key in ("time_s", "to_cut_m3"))
+        assert first_m3 == volume(server, of, f"&time={first_s}")["to_cut_m3"]
+        # The way down to the first state with a time is another 3 m x 2 m, 0.5 m deep on average.
+        assert 16 * DEPTH_M <= told["at_start"]["to_cut_m3"] - first_m3 < 19
+
+
 def test_states_taken_back_are_taken_out_of_progress(site):
     with served(site) as server:
         of = area(server, "pit")

@@ -11,7 +11,6 @@
 #include <random>
 
 #include "tests/support/earthmoving_fixture.h"
-#include "tests/support/sanitized.h"
 
 namespace soilvdb::test {
 namespace earthmoving_test {
@@ -75,7 +74,7 @@ TEST(Earthmoving, MakesAndLosesNothingWhateverIsDone) {
 TEST(Earthmoving, LeavesLooseSoilNoSteeperThanReposeAfterAnyWork) {
   for (const auto& terrain : terrains()) {
     Work work(terrain, 8);
-    for (int i = 0; i < (kLong ? 300 : 100); ++i) work.step();
+    for (int i = 0; i < 300; ++i) work.step();
     for (std::size_t m = 0; m < 4; ++m) work.tracker.update(m, {{0, 0, 9}, work.at[m].rotation});
     work.tracker.come_to_rest();
     const std::vector<double> over = over_repose(all_of(work.ground));
@@ -83,7 +82,7 @@ TEST(Earthmoving, LeavesLooseSoilNoSteeperThanReposeAfterAnyWork) {
     const auto steep = over.end() - std::upper_bound(over.begin(), over.end(), 3 * kDegree);
     // Goals: 1.5 degrees, and none over 3. Up to 1.8 were found, where little is loose.
     EXPECT_LE(over[over.size() * 99 / 100], 2 * kDegree);
-    EXPECT_EQ(steep, 0);
+    EXPECT_EQ(steep, 0) << "the worst is " << over.back() / kDegree << " degrees over";
     // Goal: 0. Found: up to 1.8 % of what is loose, where cells below heaps were cut in part.
     EXPECT_LE(pockets(work.ground), loose_samples(work.ground) / 40);
   }

@@ -45,7 +45,9 @@ export async function live(browser, folder, file) {
       const canvas = document.querySelector('#canvas');
       return canvas.width === canvas.clientWidth;
     });
-    await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+    await page.evaluate(async () => {   // what is drawn is shown some frames later where there is no graphics card
+      for (let n = 0; n < 20; ++n) await new Promise(requestAnimationFrame);
+    });
     await page.screenshot({path: file});
     await close();
   } finally {

@@ -144,12 +144,16 @@ Measures::Measures(fs::path file) : file_(std::move(file)) {
     const nlohmann::json json = object_of(io::read_text(file_, kMostFile_bytes));
     require_keys(json, {"next", "measures"});
     next_ = id_of(json.value("next", nlohmann::json()));
-    for (const nlohmann::json& one : json.at("measures")) {
+    if (!json.at("measures").is_array()) throw std::invalid_argument("'measures' must be an array");
+    for (const nlohmann::json& one : json["measures"]) {
       require_keys(one, {"id", "kind", "name", "points"});
       const Measure::Kind kind = kind_of(one.at("kind"));
       Measure measure{id_of(one.at("id")), kind, measure_name(one.at("name")),
                       points_of(one.at("points"), kind), ++shapes_};
       require_own_name(all_, measure);
+      if (std::any_of(all_.begin(), all_.end(),
+                      [&](const Measure& m) { return m.id == measure.id; }))
+        throw std::invalid_argument("two measures have one 'id'");
       if (measure.id >= next_) throw std::invalid_argument("'next' must be larger than every id");
       all_.push_back(std::move(measure));
     }

@@ -42,6 +42,8 @@ std::vector<double> times_between(double from_s, double to_s, double known_s,
   const double step_s = step_of(to_s - from_s, kMostSamples);
   const double dug_step_s = step_of(to_s - from_s, kMostDugAgain);
   std::vector<double> times_s;
+  if (from_s < std::min(to_s, known_s))
+    times_s.push_back(from_s);  // states without a time were before
   for (double k = std::floor(from_s / step_s) + 1; k * step_s < std::min(to_s, known_s); ++k) {
     const double time_s = k * step_s;
     const auto later = std::upper_bound(snapshots_s.begin(), snapshots_s.end(), time_s);
@@ -132,8 +134,10 @@ void ProgressQuery::finish(GroundView& live) {
         progress.now = *now;
         progress.start = of_design(*undug.to_design);
         if (from_s_ && to_s_) {
-          progress.times_s.push_back(*from_s_);
-          progress.at.push_back(progress.start);
+          if (earlier_s_.empty()) {
+            progress.times_s.push_back(*from_s_);
+            progress.at.push_back(progress.start);
+          }
           for (const double time_s : earlier_s_) {
             progress.times_s.push_back(time_s);
             progress.at.push_back(found_[{time_s, area.shape}]);
