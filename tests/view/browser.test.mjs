@@ -530,18 +530,17 @@ looking('keys alone move the picture, measure, and read a section', yard, async 
   const hold = async (key, shift = false) => {
     await page.evaluate((held) => {
       const before = window.place();
-      window.moved = new Promise((done) => {
-        const look = () => {
-          if (window.place().every((v, i) => Math.abs(v - before[i]) < 10)) return requestAnimationFrame(look);
-          document.querySelector('#canvas').dispatchEvent(new KeyboardEvent('keyup', {key: held}));
-          done();
-        };
-        look();
-      });
+      window.hasMoved = false;
+      const look = () => {
+        if (window.place().every((v, i) => Math.abs(v - before[i]) < 10)) return requestAnimationFrame(look);
+        document.querySelector('#canvas').dispatchEvent(new KeyboardEvent('keyup', {key: held}));
+        window.hasMoved = true;
+      };
+      look();
     }, key);
     if (shift) await page.keyboard.down('Shift');
     await page.keyboard.down(key);
-    await page.evaluate(() => window.moved);
+    await page.waitForFunction(() => window.hasMoved);
     await page.keyboard.up(key);
     if (shift) await page.keyboard.up('Shift');
   };
