@@ -227,11 +227,10 @@ class TinHeights final : public HeightSource {
     }
     area_m2_ += std::abs(area) / 2;
     if (area < 0) std::swap(tin_.faces[face][1], tin_.faces[face][2]);
-    TinPoint least(1e300, 1e300), most(-1e300, -1e300);
     const Vec2 lower = in_plan(t[0]).cwiseMin(in_plan(t[1])).cwiseMin(in_plan(t[2])),
                upper = in_plan(t[0]).cwiseMax(in_plan(t[1])).cwiseMax(in_plan(t[2]));
-    least = TinPoint(lower.x() - kOn_m, lower.y() - kOn_m);
-    most = TinPoint(upper.x() + kOn_m, upper.y() + kOn_m);
+    const TinPoint least(lower.x() - kOn_m, lower.y() - kOn_m);
+    const TinPoint most(upper.x() + kOn_m, upper.y() + kOn_m);
     entries.emplace_back(TinBox(least, most), static_cast<std::uint32_t>(face));
   }
 
@@ -253,10 +252,8 @@ class TinHeights final : public HeightSource {
         if (part.size() < 3 || width_of(part) <= kRounding_m) return;
         for (const Vec2& at : part) {
           const double a = height_at(t, at), b = height_at(other, at);
-          if (std::abs(a - b) > kRounding_m && (!overlap_ || own < first_)) {
+          if (!overlap_ && std::abs(a - b) > kRounding_m)
             overlap_ = {grid_.first + at, std::min(a, b), std::max(a, b)};
-            first_ = own;
-          }
         }
       };
       tree_.query(index::intersects(box), boost::make_function_output_iterator(compare));
@@ -274,7 +271,6 @@ class TinHeights final : public HeightSource {
   std::size_t vertical_ = 0;
   bool has_too_many_ = false;  ///< pairs of faces to look for overlaps
   std::optional<Overlap> overlap_;
-  std::uint32_t first_ = 0;
 };
 
 }  // namespace

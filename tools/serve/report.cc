@@ -209,7 +209,7 @@ Report::Row Report::row(const Period& period, std::optional<std::size_t> machine
 double Report::volume(double m3, ReportQuery::Soil counted) const {
   if (query_.soil != ReportQuery::Soil::kCounted && query_.soil != counted)
     m3 = query_.soil == ReportQuery::Soil::kLoose ? m3 * loose_per_bank() : m3 / loose_per_bank();
-  return query_.yards ? m3 / kYard_m3 : m3;
+  return in_volume_unit(m3);
 }
 
 const char* Report::soil_of(ReportQuery::Soil counted) const {
