@@ -502,6 +502,7 @@ for (const [kind, sizes, touch] of [
 
 looking('a finger draws a boundary, takes a point back and ends it', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
   await page.tap('#work');
   await site.settled(page);
   await page.tap('[data-tool=boundary]');
@@ -522,6 +523,7 @@ looking('a finger draws a boundary, takes a point back and ends it', yard, async
 
 looking('keys alone move the picture, measure, and read a section', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.waitForFunction(() => window.soilvdb.view().blocks > 0);   // else all of the site stays in view, where keys move little
   await page.keyboard.press('g');
   await site.settled(page);
   await page.evaluate(() => { window.place = () => [[-4, -4, 2], [4, -4, 2], [4, 4, 2], [-4, 4, 2]].map((p) => window.soilvdb.project(p) ?? [0, 0]).flat(); });
