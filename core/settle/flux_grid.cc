@@ -37,6 +37,16 @@ struct Nothing {
 
 }  // namespace
 
+double held_at_brink(double before, double here, double beyond, double slope) {
+  here = std::max(here, 0.0);
+  beyond = std::max(beyond, 0.0);
+  const double steepest = std::max(here, beyond);
+  if (steepest <= slope || before >= slope) return 0;  // on steeper support it slides by
+  // Of a slope that goes on the drops say where it begins, a step is between columns.
+  const double short_by = beyond > here ? 1 - here / beyond : (1 - beyond / here) / 2;
+  return short_by * std::min(steepest - slope, slope - std::max(before, 0.0));
+}
+
 float FluxGrid::value_of_nothing(int array) {
   const Nothing none;
   if (array == kBase) return none.base();
@@ -168,22 +178,15 @@ bool FluxGrid::is_gentle(const Coord2& tile) const {
   return most <= limit_;
 }
 
-/// Between the middles of two columns ground bends to something steeper than repose. Soil lies up
-/// to the bend, so where the column's middle is short of it there is some, and may stay.
 float FluxGrid::brink(std::size_t i, std::ptrdiff_t to) const {
   const std::vector<float>& base = arrays_[kBase];
   const auto drop = [&](std::size_t a, std::size_t b) {
     return missing(a) || missing(b) ? 0 : base[a] - base[b];
   };
   const std::size_t next = i + static_cast<std::size_t>(to);
-  if (drop(i - static_cast<std::size_t>(to), i) > limit_ || missing(next)) return 0;  // slides by
-  const float here = std::max(drop(i, next), 0.0f);
-  const float beyond = std::max(drop(next, next + static_cast<std::size_t>(to)), 0.0f);
-  const float steepest = std::max(here, beyond);
-  if (steepest <= limit_) return 0;
-  // Of a slope that goes on the drops say where it begins, a step is between columns.
-  const float short_by = beyond > here ? 1 - here / beyond : (1 - beyond / here) / 2;
-  return short_by * std::min(steepest - limit_, limit_);
+  if (missing(next)) return 0;
+  return static_cast<float>(held_at_brink(drop(i - static_cast<std::size_t>(to), i), drop(i, next),
+                                          drop(next, next + static_cast<std::size_t>(to)), limit_));
 }
 
 /// Activates tiles that soil flowed into.

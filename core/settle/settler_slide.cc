@@ -23,8 +23,8 @@ double minmod(double a, double b) {
 /// A tile and the columns that its slopes are measured over.
 class Surroundings {
  public:
-  Surroundings(GroundColumns& ground, const Coord2& tile, BlockedColumns& blocked)
-      : has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
+  Surroundings(GroundColumns& ground, const Coord2& tile, BlockedColumns& blocked, double slope)
+      : slope_(slope), has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
     if (!has_loose_) return;
     const Coord2 first = tile - Coord2::Constant(kFar);
     ground.each({first, first + Coord2::Constant(kSide - 1)}, [&](const Coord2& cell,
@@ -36,14 +36,14 @@ class Surroundings {
 
   /// Is loose soil surely steeper than repose allows? Between neighbours, what counts err by is a
   /// slope; over some columns it isn't.
-  bool is_steep(double slope) const {
+  bool is_steep() const {
     if (!has_loose_) return false;
     for (int x = kFar; x < kSide - kFar; ++x) {
       for (int y = kFar; y < kSide - kFar; ++y) {
         const Column& c = at(x, y);
         if (!c.open || c.top - c.bank < kFilmDepth) continue;
         for (int far = 1; far <= kFar; ++far) {
-          const double most = far * slope + kSteepDrops[far - 1];
+          const double most = far * slope_ + kSteepDrops[far - 1];
           if (steepest2(x, y, far) > most * most) return true;
         }
       }
@@ -59,30 +59,39 @@ class Surroundings {
   };
 
   const Column& at(int x, int y) const { return columns_[x * kSide + y]; }
-  static double drop(const Column& from, const Column& to) {
-    if (!to.open || from.top <= to.top) return 0.0;
-    // Over a brink: what a slope drops across a column stays on it.
-    return from.top - std::max(to.top, from.bank);
+  /// Of loose soil to a column that lies higher or lower by as much; over a brink, of what is too
+  /// deep there.
+  double drop(int x, int y, int dx, int dy) const {
+    const Column &from = at(x, y), &to = at(x + dx, y + dy);
+    if (!to.open || from.top <= to.top) return 0;
+    if (to.top >= from.bank) return from.top - to.top;
+    if (std::max(std::abs(dx), std::abs(dy)) > 1) return from.top - from.bank;
+    const auto bank_drop = [](const Column& a, const Column& b) {
+      return a.open && b.open ? a.bank - b.bank : 0;
+    };
+    const double held = held_at_brink(bank_drop(at(x - dx, y - dy), from), from.bank - to.bank,
+                                      bank_drop(to, at(x + 2 * dx, y + 2 * dy)), slope_);
+    return from.top - std::max(to.top, from.bank - slope_ + held);
   }
   /// The square of the largest drop over so many columns: along an axis, or down a square, as the
   /// mean of its opposite sides. Of a cone, one side of a square alone is steeper than its slope.
   double steepest2(int x, int y, int far) const {
-    const Column& here = at(x, y);
     double most = 0;
-    for (const int i : {x - far, x + far}) {
-      const double along_x = drop(here, at(i, y));
-      for (const int j : {y - far, y + far}) {
-        const double along_y = drop(here, at(x, j));
+    for (const int i : {-far, far}) {
+      const double along_x = drop(x, y, i, 0);
+      for (const int j : {-far, far}) {
+        const double along_y = drop(x, y, 0, j);
         most = std::max({most, along_x * along_x, along_y * along_y});
-        if (!at(i, j).open) continue;
-        const double down_x = along_x + drop(at(x, j), at(i, j));
-        const double down_y = along_y + drop(at(i, y), at(i, j));
+        if (!at(x + i, y + j).open) continue;
+        const double down_x = along_x + drop(x, y + j, i, 0);
+        const double down_y = along_y + drop(x + i, y, 0, j);
         most = std::max(most, (down_x * down_x + down_y * down_y) / 4);
       }
     }
     return most;
   }
 
+  double slope_;
   bool has_loose_;
   Column columns_[kSide * kSide];
 };
@@ -159,7 +168,7 @@ TileSet Settler::steep_tiles(const TileSet& changed, BlockedColumns& blocked) {
       around.add(Coord2(tile + kChunkSide * Coord2(x, y)));
   });
   around.each([&](const Coord2& tile) {
-    if (Surroundings(columns_, tile, blocked).is_steep(slope_)) steep.add(tile);
+    if (Surroundings(columns_, tile, blocked, slope_).is_steep()) steep.add(tile);
   });
   return steep;
 }
