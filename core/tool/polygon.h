@@ -10,6 +10,8 @@
 
 namespace soilvdb::inline v0 {
 
+inline double cross2(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
+
 /// Where a side that crosses a height crosses it, the same whichever way it is walked.
 inline double crossing_x(const Vec2& a, const Vec2& b, double y) {
   const Vec2 &low = a.y() < b.y() ? a : b, &high = a.y() < b.y() ? b : a;
@@ -29,8 +31,7 @@ inline bool inside(const std::vector<Vec2>& polygon, const Vec2& p) {
 /// True if two sides cross. Sides that touch or overlap along a line do not cross.
 inline bool crosses_itself(const std::vector<Vec2>& polygon) {
   const auto side = [](const Vec2& a, const Vec2& b, const Vec2& p) {
-    const Vec2 along = b - a, to = p - a;
-    return along.x() * to.y() - along.y() * to.x();
+    return cross2(b - a, p - a);
   };
   for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
     const Vec2 &a = polygon[j], &b = polygon[i];
@@ -42,14 +43,14 @@ inline bool crosses_itself(const std::vector<Vec2>& polygon) {
   return false;
 }
 
-/// Plan area, m^2. @param polygon must not cross itself
-inline double area_of(const std::vector<Vec2>& polygon) {
+/// Plan area, m^2, above 0 if the corners turn left. @param polygon must not cross itself
+inline double signed_area(const std::vector<Vec2>& polygon) {
   double twice_m2 = 0;
-  for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
-    const Vec2 a = polygon[j] - polygon[0], b = polygon[i] - polygon[0];
-    twice_m2 += a.x() * b.y() - b.x() * a.y();
-  }
-  return std::abs(twice_m2) / 2;
+  for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++)
+    twice_m2 += cross2(polygon[j] - polygon[0], polygon[i] - polygon[0]);
+  return twice_m2 / 2;
 }
+
+inline double area_of(const std::vector<Vec2>& polygon) { return std::abs(signed_area(polygon)); }
 
 }  // namespace soilvdb::inline v0

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "core/constants.h"
+#include "core/tool/polygon.h"
 #include "io/file/text.h"
 #include "io/scenario/newcomer.h"
 
@@ -199,14 +200,7 @@ Hopper read_hopper(const std::string& text, double begin_s, double end_s, const 
 }
 
 void check_capacity(const YamlMap& map, const Bucket& bucket) {
-  if (bucket.profile.empty()) return;
-  double twice_m2 = 0;
-  Vec2 last = bucket.profile.back();
-  for (const Vec2& p : bucket.profile) {
-    twice_m2 += last.x() * p.y() - last.y() * p.x();
-    last = p;
-  }
-  if (std::abs(twice_m2) / 2 > kNoAreaM2) return;
+  if (bucket.profile.empty() || area_of(bucket.profile) > kNoAreaM2) return;
   map.fail("profile",
            "profile gives the bucket a capacity of zero; it must enclose an area with "
            "the mouth");

@@ -15,6 +15,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/tool/polygon.h"
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
 #include "io/terrain/gdal.h"
@@ -36,8 +37,6 @@ constexpr double kRounding_m = 0.001;
 constexpr double kHighest_m = 1e5;     // as of rasters
 constexpr double kMostFacesOver = 32;  // one another, on average
 constexpr double kCoarse_m = 1;        // posts that are farther apart are told
-
-double cross2(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 Vec2 in_plan(const Vec3& p) { return p.head<2>(); }
 

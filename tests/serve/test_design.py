@@ -4,6 +4,8 @@
 
 import json
 import subprocess
+import urllib.request
+import zlib
 
 import numpy as np
 import pytest
@@ -149,13 +151,19 @@ def test_lines_of_a_design_are_brought_to_the_site(site, tmp_path):
     for file in ("plan.geojson", "plan.gpkg"):
         with Server(site, "--lines", file, "--out", tmp_path / file[-4:], cwd=tmp_path) as server:
             on_ground, given, at_rim = server.json("/lines")["lines"]
+            asked = urllib.request.Request(server.url.rstrip("/") + "/lines", headers={"Accept-Encoding": "deflate"})
+            with urllib.request.urlopen(asked) as reply:
+                assert json.loads(zlib.decompress(reply.read()))["lines"] == [on_ground, given, at_rim]
+                tag = reply.headers["ETag"]
+            assert server.get("/lines", {"If-None-Match": tag}) == (304, b""), "it was made once"
             assert not [line for line in server.stop().splitlines() if file in line and "warning" in line]
         # Each half metre or less on the ground, whose last posts are at 135.5 m.
         np.testing.assert_allclose(on_ground, [(101 + k / 2, 201, 10) for k in range(21)], atol=2e-3)
         np.testing.assert_allclose(given, [(105, 205, 12.5), (105, 215, 13)], atol=2e-3)
         assert at_rim[0] == pytest.approx([134, 210, 10], abs=2e-3) and at_rim[-1][0] == pytest.approx(135.44, abs=2e-3)
     with served(site) as server:
-        assert "takes some by --lines" in refused(server, "/lines")
+        status, body = server.get("/lines")
+        assert status == 404 and b"takes some by --lines" in body
     plane = tmp_path / "plane.yaml"
     plane.write_text(site.read_text().replace("raster: ground.tif", "plane: {z: 0.0}"))
     refusal = subprocess.run([PROGRAM, "serve", plane, "--port", "0", "--lines", "plan.gpkg"], cwd=tmp_path, text=True,

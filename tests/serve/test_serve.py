@@ -108,7 +108,7 @@ def test_what_cannot_be_asked_is_said(tmp_path):
              "/terrain?level=0&tile=99999,0": (404, "no such tile"),
              "/terrain?level=-1&tile=0,0": (404, "no such tile"),
              "/terrain?level=0&tile=0,0&surface=design": (400, "there is no design"),
-             "/lines": (400, "there are no lines"),
+             "/lines": (404, "there are no lines"),
              "/terrain?level=0&tile=0,0&surface=now": (400, "one of before, design"),
              "/surface.tif": (400, "nothing is dug yet"), "/mesh.glb": (400, "nothing is dug yet"),
              "/../../etc/passwd": (404, "no such page"), "/%2e%2e/etc/passwd": (404, "no such page"),

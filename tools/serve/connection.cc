@@ -139,7 +139,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
       if (!state_.options.takes_feeds) return send(refusal(403, kOnlyLookedAt));
       return expect_body(target);
     }
-    if (path == "/drape" && state_.drape) return send(page_reply(*state_.drape, request));
+    if (const auto shown = state_.shown.find(path); shown != state_.shown.end())
+      return send(page_reply(shown->second, request));
     stream_.expires_never();
     state_.answer(target, client_of(request),
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });

@@ -228,13 +228,8 @@ OrderedJson Measures::geojson(const std::string& crs_wkt) const {
   for (const Measure& measure : all_) {
     OrderedJson at = points_json(measure.points);
     if (measure.kind == Measure::Kind::kBoundary) {
-      double twice_m2 = 0;  // rings go counter-clockwise, and end where they begin
-      for (std::size_t i = 0, j = measure.points.size() - 1; i < measure.points.size(); j = i++) {
-        const Vec2 a = measure.points[j] - measure.points[0];
-        const Vec2 b = measure.points[i] - measure.points[0];
-        twice_m2 += a.x() * b.y() - b.x() * a.y();
-      }
-      if (twice_m2 < 0) std::reverse(at.begin(), at.end());
+      // Rings go counter-clockwise, and end where they begin.
+      if (signed_area(measure.points) < 0) std::reverse(at.begin(), at.end());
       at.push_back(at[0]);
       at = OrderedJson::array({at});
     }

@@ -345,12 +345,8 @@ void ServerState::answer(const std::string& text, const std::string& client,
           },
           done);
     }
-    if (path == "/lines") {
-      const QueryParameters parameters(*target, {});
-      if (options.lines.empty())
-        throw std::invalid_argument("there are no lines; soilvdb serve takes some by --lines");
-      return done({200, "application/json", deflated(options.lines), {}, true});
-    }
+    if (path == "/lines")
+      return done(refusal(404, "there are no lines; soilvdb serve takes some by --lines"));
     if (path == "/drape")
       return done(refusal(404, "there is no drape; soilvdb serve takes one by --drape"));
     if (path == "/machines") {

@@ -55,15 +55,18 @@ std::string tag_of(const std::string& text) {
   return fmt::format("W/\"{:016x}\"", std::hash<std::string>{}(text));
 }
 
+PageFile packed_file(const char* type, std::string text) {
+  const std::string tag = tag_of(text);
+  std::string packed = deflated(text);
+  return {{200, type, std::move(text), {}, false, {}, tag},
+          {200, type, std::move(packed), {}, true, {}, tag}};
+}
+
 std::map<std::string, PageFile> read_page(const std::filesystem::path& folder) {
   std::map<std::string, PageFile> page;
   const auto add = [&](const char* path, const char* file, const char* type) {
     std::string text = read_file(folder / file);
-    if (text.empty()) return;
-    const std::string tag = tag_of(text);
-    std::string packed = deflated(text);
-    page[path] = {{200, type, std::move(text), {}, false, {}, tag},
-                  {200, type, std::move(packed), {}, true, {}, tag}};
+    if (!text.empty()) page[path] = packed_file(type, std::move(text));
   };
   if (!folder.empty()) {
     add("/", "index.html", "text/html; charset=utf-8");
@@ -97,8 +100,9 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
                     : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
       beside(std::make_unique<GroundCopy>(*copy)) {
   if (options.drape)
-    drape = PageFile{
+    shown["/drape"] = {
         {200, "image/webp", options.drape->webp, {}, false, {}, tag_of(options.drape->webp)}, {}};
+  if (!options.lines.empty()) shown["/lines"] = packed_file("application/json", options.lines);
   try {
     const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
     acceptor.open(endpoint.protocol());
@@ -196,7 +200,7 @@ Bytes ServerState::description() {
         {"bounds",
          {of->box_m.min().x(), of->box_m.min().y(), of->box_m.max().x(), of->box_m.max().y()}},
         {"cell_m", of->cell_m},
-        {"tag", drape->plain.tag}};
+        {"tag", shown.at("/drape").plain.tag}};
   json["times"] = times();
   return std::make_shared<const std::string>(io::to_text(json));
 }

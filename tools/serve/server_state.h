@@ -146,9 +146,9 @@ struct ServerState {
   std::unique_ptr<History> history;  ///< used by `other_times` during run()
   std::shared_ptr<const InitialTerrain> design;
   const ServerOptions options;
-  std::map<std::string, PageFile> page;  ///< by path
-  std::optional<PageFile> drape;         ///< for whoever may look
-  std::optional<TerrainTiles> terrain;   ///< during run(): the recording determines where work was
+  /// By path: the page, and for whoever may look, its drape and lines.
+  std::map<std::string, PageFile> page, shown;
+  std::optional<TerrainTiles> terrain;  ///< during run(): the recording determines where work was
 
   boost::asio::io_context io{1};
   boost::asio::ip::tcp::acceptor acceptor{io};
