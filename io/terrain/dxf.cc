@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <optional>
 #include <string>
@@ -32,24 +33,96 @@ constexpr Unit kDxfUnits[] = {
     {5, "cm", 0.01},      {6, "m", 1},         {7, "km", 1000},
     {10, "yard", 0.9144}, {14, "dm", 0.1},     {21, "US survey foot", 1200.0 / 3937}};
 
+/// The groups of a DXF: a line with a code, and one with its value.
+class DxfGroups {
+ public:
+  explicit DxfGroups(const std::filesystem::path& file) : in_(file, std::ios::binary) {}
+
+  bool next() {
+    if (!std::getline(in_, code_) || !std::getline(in_, value_)) return false;
+    code = parsed<int>(trimmed(code_)).value_or(-1);
+    value = trimmed(value_);
+    return true;
+  }
+  std::string text() const { return code_ + '\n' + value_ + '\n'; }
+
+  int code = -1;
+  std::string_view value;
+
+ private:
+  static std::string_view trimmed(std::string_view line) {
+    const std::size_t from = line.find_first_not_of(" \t"), to = line.find_last_not_of(" \t\r");
+    return from == line.npos ? std::string_view() : line.substr(from, to - from + 1);
+  }
+
+  std::ifstream in_;
+  std::string code_, value_;
+};
+
 /// The header's unit, which GDAL doesn't tell; empty without one.
 std::optional<int> unit_code(const std::filesystem::path& file) {
-  constexpr int kMostLines = 20'000;
-  std::ifstream in(file, std::ios::binary);
-  std::string line;
-  const auto next = [&]() -> std::string_view {
-    if (!std::getline(in, line)) return {};
-    const std::size_t from = line.find_first_not_of(" \t"), to = line.find_last_not_of(" \t\r");
-    return from == line.npos ? std::string_view()
-                             : std::string_view(line).substr(from, to - from + 1);
-  };
-  for (int i = 0; i < kMostLines && in; ++i) {
-    const std::string_view word = next();
-    if (word == "ENTITIES") break;
-    if (word == "$INSUNITS" && next() == "70") return parsed<int>(next());
-  }
+  for (DxfGroups group(file); group.next() && group.value != "ENTITIES";)
+    if (group.value == "$INSUNITS" && group.next()) return parsed<int>(group.value);
   return std::nullopt;
 }
+
+/// The text of a DXF, of its entities only visible faces in space, and blocks. GDAL does not tell
+/// these from others in blocks, and takes a missing corner for 0, 0, 0.
+struct DxfFaces {
+  explicit DxfFaces(const std::filesystem::path& file) {
+    std::string section, kind;
+    std::size_t begin = 0;  // of the entity in the text
+    std::array<std::array<std::string, 3>, 4> corners;
+    bool hidden = false, on_paper = false, is_mesh = false, kept = false;
+    std::size_t corner_count = 0;
+    const auto end_entity = [&] {
+      if (section != "BLOCKS" && section != "ENTITIES") return;
+      if (kind == "3DFACE" || kind == "INSERT" || (kind == "POLYLINE" && is_mesh)) {
+        kept = !hidden && !on_paper;
+        invisible += hidden && !on_paper;
+      } else if (kind != "VERTEX" && kind != "ATTRIB" && kind != "SEQEND") {  // as the one before
+        kept = kind == "SECTION" || kind == "BLOCK" || kind == "ENDBLK";
+      }
+      if (!kept) return text.resize(begin);
+      corner_count += kind == "3DFACE" ? 3 : kind == "VERTEX" ? 1 : 0;
+      if (corner_count > kMostTinPoints) throw InputError(file, "has more than 10 million corners");
+      for (std::size_t i = 1; i < 4 && kind == "3DFACE"; ++i) {
+        if (!corners[i][0].empty()) continue;
+        corners[i] = corners[i - 1];
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          text += fmt::format("{}\n{}\n", 10 * (axis + 1) + i, corners[i][axis]);
+      }
+    };
+    DxfGroups group(file);
+    while (group.next()) {
+      const int code = group.code;
+      if (code == 0) {
+        end_entity();
+        kind = group.value;
+        if (kind == "ENDSEC") section.clear();
+        begin = text.size();
+        hidden = on_paper = is_mesh = false;
+        corners = {};
+      }
+      text += group.text();
+      if (code == 2 && kind == "SECTION") section = group.value;
+      if (code == 60) hidden = group.value == "1";
+      if (code == 67) on_paper = group.value == "1";
+      if (code == 70) is_mesh = (parsed<int>(group.value).value_or(0) & 64) != 0;
+      if (kind == "3DFACE" && code >= 10 && code < 40 && code % 10 < 4)
+        corners[std::size_t(code % 10)][std::size_t(code / 10 - 1)] = group.value;
+      if (code == 9 && group.value == "$ACADVER" && group.next()) {
+        text += group.text();
+        is_utf8 = group.value >= "AC1021";
+      }
+    }
+    end_entity();
+  }
+
+  std::string text;
+  std::size_t invisible = 0;
+  bool is_utf8 = false;
+};
 
 struct DestroyFeature {
   void operator()(void* feature) const { gdal().OGR_F_Destroy(feature); }
@@ -68,32 +141,38 @@ class DxfReader {
   TinInput read() {
     check_readable(from_.file);
     units_ = dxf_units(from_.file);
+    DxfFaces faces(from_.file);
+    const MemoryFile memory(".dxf");
+    memory.hold(faces.text);
     GdalMessages messages;
-    const std::string path = std::filesystem::absolute(from_.file).string();
     const char* const drivers[] = {"DXF", nullptr};
+    if (faces.is_utf8) gdal().CPLSetThreadLocalConfigOption("DXF_ENCODING", "UTF-8");
     const GdalDataset dataset(
-        gdal().GDALOpenEx(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
+        gdal().GDALOpenEx(memory.path(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
                           drivers, nullptr, nullptr));
+    gdal().CPLSetThreadLocalConfigOption("DXF_ENCODING", nullptr);
     if (!dataset || gdal().GDALDatasetGetLayerCount(dataset.get()) < 1)
-      throw InputError(from_.file, fmt::format("is not a readable DXF of text ({})",
-                                               messages.error_or("GDAL can't open it")));
+      throw InputError(from_.file, "is not a readable DXF of text; save it as one");
     const OGRLayerH entities = gdal().GDALDatasetGetLayer(dataset.get(), 0);
     while (const std::unique_ptr<void, DestroyFeature> feature{
         gdal().OGR_L_GetNextFeature(entities)}) {
       const OGRGeometryH geometry = gdal().OGR_F_GetGeometryRef(feature.get());
       if (geometry == nullptr) continue;
-      const auto text = [&](const char* field) -> std::string {
-        const int at = gdal().OGR_F_GetFieldIndex(feature.get(), field);
-        return at < 0 ? "" : gdal().OGR_F_GetFieldAsString(feature.get(), at);
-      };
-      const std::string kind = text("SubClasses");
-      const bool is_face = kind.find("AcDbHatch") == kind.npos &&
-                           kind.find("AcDbTrace") == kind.npos &&
-                           kind.find("AcDbLeader") == kind.npos;
-      if (is_face && text("PaperSpace") != "1") add(text("Layer"), geometry);
+      const int layer = gdal().OGR_F_GetFieldIndex(feature.get(), "Layer");
+      add(gdal().OGR_F_GetFieldAsString(feature.get(), layer), geometry);
     }
     if (!messages.error().empty())
       throw InputError(from_.file, fmt::format("is damaged ({})", messages.error()));
+    if (layers_.empty() && faces.invisible > 0)
+      throw InputError(from_.file,
+                       "has no visible face (group 60 hides them); show those of the "
+                       "surface");
+    if (faces.invisible > 0)
+      units_.doubts.push_back(faces.invisible == 1
+                                  ? "an invisible face, mesh or block (group 60) is left out"
+                                  : fmt::format("{} invisible faces, meshes or blocks (group 60) "
+                                                "are left out",
+                                                faces.invisible));
     return chosen();
   }
 

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/terrain/gdal.h"
 
+#include <fmt/format.h>
+
 #include "io/file/shared_library.h"
 #include "io/file/text.h"
 
@@ -56,6 +58,23 @@ std::string height_format(const std::filesystem::path& file) {
       return gdal().GDALGetDriverShortName(found);
   }
   return "";
+}
+
+MemoryFile::MemoryFile(const std::string& suffix)
+    : path_(fmt::format("/vsimem/soilvdb-{}{}", static_cast<void*>(this), suffix)) {}
+
+MemoryFile::~MemoryFile() { gdal().VSIUnlink(path_.c_str()); }
+
+void MemoryFile::hold(std::string& text) const {
+  gdal().VSIFCloseL(gdal().VSIFileFromMemBuffer(path(), reinterpret_cast<GByte*>(text.data()),
+                                                text.size(), FALSE));
+}
+
+std::string_view MemoryFile::bytes() const {
+  vsi_l_offset size = 0;
+  const auto* data = gdal().VSIGetMemFileBuffer(path(), &size, FALSE);
+  return {reinterpret_cast<const char*>(data),
+          data == nullptr ? 0 : static_cast<std::size_t>(size)};
 }
 
 GdalMessages::GdalMessages() {

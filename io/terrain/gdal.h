@@ -4,6 +4,7 @@
 // of the program's start. Its messages do not reach the terminal.
 #pragma once
 
+#include <cpl_conv.h>
 #include <cpl_error.h>
 #include <cpl_vsi.h>
 #include <gdal.h>
@@ -13,12 +14,14 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 
 namespace soilvdb::inline v0::io {
 
 // clang-format off
 #define SOILVDB_GDAL_FUNCTIONS(F)                                                                  \
   F(CPLErrorReset) F(CPLGetErrorHandlerUserData) F(CPLPopErrorHandler) F(CPLPushErrorHandlerEx)    \
+  F(CPLSetThreadLocalConfigOption)                                                                 \
   F(GDALClose) F(GDALCreate) F(GDALDataTypeIsComplex) F(GDALGetBlockSize)                          \
   F(GDALGetDataTypeName) F(GDALGetDataTypeSizeBytes) F(GDALGetDatasetDriver)                       \
   F(GDALGetDriverByName) F(GDALGetDriverShortName) F(GDALGetGeoTransform) F(GDALGetMaskBand)       \
@@ -33,14 +36,15 @@ namespace soilvdb::inline v0::io {
   F(OSRExportToWktEx) F(OSRGetAuthorityCode) F(OSRGetAuthorityName) F(OSRGetAxesCount)             \
   F(OSRGetLinearUnits) F(OSRGetName) F(OSRGetTargetLinearUnits) F(OSRImportFromEPSG)               \
   F(OSRIsCompound) F(OSRIsDerivedGeographic) F(OSRIsGeocentric) F(OSRIsGeographic)                 \
-  F(OSRIsProjected) F(OSRSetLinearUnitsAndUpdateParameters)                                        \
+  F(OSRIsProjected) F(OSRSetCompoundCS) F(OSRSetFromUserInput)                                     \
+  F(OSRSetLinearUnitsAndUpdateParameters) F(OSRSetProjCS)                                          \
   F(GDALDatasetGetLayer) F(GDALDatasetGetLayerCount) F(OGR_F_Destroy) F(OGR_F_GetFieldAsString)    \
   F(OGR_F_GetFieldIndex) F(OGR_F_GetGeometryRef) F(OGR_G_GetGeometryCount)                         \
   F(OGR_G_DestroyGeometry) F(OGR_G_GetGeometryRef) F(OGR_G_GetGeometryType)                        \
   F(OGR_G_GetLinearGeometry) F(OGR_G_GetPoint) F(OGR_G_GetPointCount)                              \
   F(OGR_L_GetNextFeature) F(OGR_L_GetSpatialRef) F(OGR_G_Is3D) F(OGR_GT_Flatten)                   \
   F(OSRIsSameEx) F(OSRNewSpatialReference) F(OSRSetAxisMappingStrategy) F(OSRStripVertical)        \
-  F(VSIFree) F(VSIGetMemFileBuffer) F(VSIUnlink)
+  F(VSIFCloseL) F(VSIFileFromMemBuffer) F(VSIFree) F(VSIGetMemFileBuffer) F(VSIUnlink)
 // clang-format on
 
 /// The functions of GDAL in use, each by its own name.
@@ -76,6 +80,23 @@ std::string driver_of(const GdalDataset& dataset);
 /// of the process registered more drivers. Formats whose files have no signature (EHdr, ENVI) are
 /// tried last, because they take any file beside a header of theirs.
 std::string height_format(const std::filesystem::path& file);
+
+/// A file in GDAL's memory, removed by its destructor.
+class MemoryFile {
+ public:
+  explicit MemoryFile(const std::string& suffix);
+  ~MemoryFile();
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+
+  const char* path() const { return path_.c_str(); }
+  /// @param text must live as long as the file
+  void hold(std::string& text) const;
+  std::string_view bytes() const;
+
+ private:
+  std::string path_;
+};
 
 /// Collects messages of GDAL and PROJ on this thread during its lifetime. Scopes nest.
 class GdalMessages {

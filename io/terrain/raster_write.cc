@@ -20,25 +20,6 @@ namespace {
 constexpr float kNoData = -9999;
 constexpr double kMostTiffCells = 2147483647.0;
 
-/// A file in GDAL's memory, removed by its destructor.
-class MemoryFile {
- public:
-  MemoryFile() : path_(fmt::format("/vsimem/soilvdb-{}.tif", static_cast<void*>(this))) {}
-  ~MemoryFile() { gdal().VSIUnlink(path_.c_str()); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-
-  const char* path() const { return path_.c_str(); }
-  std::string_view bytes() const {
-    vsi_l_offset size = 0;
-    const auto* data = gdal().VSIGetMemFileBuffer(path_.c_str(), &size, FALSE);
-    return {reinterpret_cast<const char*>(data), static_cast<std::size_t>(size)};
-  }
-
- private:
-  std::string path_;
-};
-
 /// Adds a column's gain to the rise of the cells that it meets.
 VolumeChangeFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
   const double side_m = cells.spacing.x();
@@ -70,7 +51,7 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
     if (band.values.size() != cells)
       throw std::invalid_argument("a band is not of the grid's size");
   }
-  MemoryFile memory;
+  MemoryFile memory(".tif");
   const GDALDriverH driver = gdal().GDALGetDriverByName("GTiff");
   require(driver != nullptr);
   const char* const options[] = {"COMPRESS=DEFLATE", "PREDICTOR=3",     "TILED=YES",
