@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -246,9 +247,11 @@ std::string metre_crs(const std::filesystem::path& file, const std::string& epsg
                       const std::string& wkt, double unit_m, const std::string& unit,
                       const Vec2& centre_m) {
   OwnSrs srs(gdal().OSRNewSpatialReference(nullptr));
-  const std::string digits = epsg.substr(epsg.find(':') + 1);  // all without a colon
-  const auto code = parsed<int>(digits);
-  if (!code || gdal().OSRImportFromEPSG(srs.get(), *code) != OGRERR_NONE) srs = srs_of(wkt);
+  std::string code = epsg.substr(epsg.find(':') + 1);  // all without a colon
+  std::erase_if(code, [](unsigned char c) { return std::isspace(c); });
+  const bool is_code = code.find_first_not_of("0123456789+") == code.npos;  // compound: a plus
+  if (!is_code || gdal().OSRSetFromUserInput(srs.get(), ("EPSG:" + code).c_str()) != OGRERR_NONE)
+    srs = srs_of(wkt);
   if (!srs || wkt_of(srs.get()).empty()) return "";
   const std::string label = label_of(srs.get());
   if (!gdal().OSRIsProjected(srs.get()))
@@ -262,10 +265,20 @@ std::string metre_crs(const std::filesystem::path& file, const std::string& epsg
                                        "'{}'; export the surface in that unit",
                                        printable(unit.empty() ? "meter" : unit), label,
                                        printable(name != nullptr ? name : "")));
-  if (!is_metre(length_m)) gdal().OSRSetLinearUnitsAndUpdateParameters(srs.get(), "metre", 1);
   if (gdal().OSRIsCompound(srs.get()) &&
       !is_metre(gdal().OSRGetTargetLinearUnits(srs.get(), "COMPD_CS|VERT_CS", nullptr)))
     gdal().OSRStripVertical(srs.get());
+  if (!is_metre(length_m)) {
+    // Its name would still tell of feet.
+    const OwnSrs plan = horizontal_of(srs.get()), heights = vertical_of(srs.get());
+    const std::string plan_name = name_of(plan.get()) + ", in metres";
+    gdal().OSRSetLinearUnitsAndUpdateParameters(plan.get(), "metre", 1);
+    gdal().OSRSetProjCS(plan.get(), plan_name.c_str());
+    srs = copy_of(plan.get());
+    if (heights)
+      gdal().OSRSetCompoundCS(srs.get(), (plan_name + " + " + name_of(heights.get())).c_str(),
+                              plan.get(), heights.get());
+  }
   const std::optional<double> area = ground_area(srs.get(), centre_m);
   if (area && std::abs(*area - 1) > kMostAreaOff)
     throw InputError(file, fmt::format("has coordinates in {}, of which 1 m is {:.4g} m on the "

@@ -4,6 +4,7 @@
 // refused, and with it entities of a file's own.
 #include <expat.h>
 #include <fmt/format.h>
+#include <iconv.h>
 
 #include <algorithm>
 #include <array>
@@ -33,6 +34,27 @@ constexpr std::pair<std::string_view, double> kUnits[] = {
     {"millimeter", 0.001}, {"centimeter", 0.01}, {"meter", 1},
     {"kilometer", 1000},   {"foot", 0.3048},     {"USSurveyFoot", 1200.0 / 3937},
     {"inch", 0.0254},      {"mile", 1609.344}};
+
+/// An encoding of one byte per character, by the C library's name of it.
+int set_encoding(void*, const char* name, XML_Encoding* encoding) {
+  const std::string_view letters = name;
+  if (letters.find_first_not_of(
+          "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_") != letters.npos)
+    return XML_STATUS_ERROR;
+  const iconv_t from = iconv_open("WCHAR_T", name);
+  if (from == reinterpret_cast<iconv_t>(-1)) return XML_STATUS_ERROR;
+  for (int byte = 0; byte < 256; ++byte) {
+    char in = static_cast<char>(byte), *next_in = &in;
+    wchar_t out = 0;
+    char* next_out = reinterpret_cast<char*>(&out);
+    std::size_t in_left = 1, out_left = sizeof out;
+    iconv(from, nullptr, nullptr, nullptr, nullptr);
+    const bool good = iconv(from, &next_in, &in_left, &next_out, &out_left) == 0 && out_left == 0;
+    encoding->map[byte] = good ? static_cast<int>(out) : -1;
+  }
+  iconv_close(from);
+  return XML_STATUS_OK;
+}
 
 /// The numbers of a row, apart by white space; empty if it has others than `count`, or other words.
 std::optional<std::array<double, 3>> three_numbers(std::string_view row) {
@@ -69,6 +91,7 @@ class LandXmlReader {
         reader.add({text, static_cast<std::size_t>(size)});
       });
     });
+    XML_SetUnknownEncodingHandler(parser_.get(), set_encoding, nullptr);
     XML_SetStartDoctypeDeclHandler(
         parser_.get(), [](void* self, const char*, const char*, const char*, int) {
           static_cast<LandXmlReader*>(self)->guard([](LandXmlReader& reader) {
@@ -166,10 +189,14 @@ class LandXmlReader {
       const char* const type = attribute(attributes, "surfType");
       if (type != nullptr && std::string_view(type) != "TIN") return Element::kOther;
       names_.push_back(name_);
-      // Of several, the first until one is named that is another.
-      wanted_ = from_.part.empty() ? names_.size() == 1 : name_ == from_.part;
-      if (wanted_ && kept_) fail(fmt::format("has two surfaces '{}'", printable(name_)));
-      kept_ = kept_ || wanted_;
+      // By its number until one has that name; choose_surface() finds out whether it is clear.
+      const bool is_named = !from_.part.empty() && name_ == from_.part;
+      wanted_ = !named_ && (is_named || number_ == names_.size());
+      named_ = named_ || is_named;
+      if (wanted_) {
+        input_.tin = {};
+        ids_.clear();
+      }
       return Element::kDefinition;
     } else if (name == "P" && in == Element::kDefinition && wanted_) {
       const char* const id = attribute(attributes, "id");
@@ -261,7 +288,9 @@ class LandXmlReader {
   std::vector<Element> open_;
   std::string name_, id_, text_;
   std::vector<std::string> names_;
-  bool wanted_ = false, kept_ = false;
+  const std::size_t number_ =  ///< of the surface if its name isn't clear
+      from_.part.empty() ? 1 : parsed<std::size_t>(from_.part).value_or(0);
+  bool wanted_ = false, named_ = false;
   std::unordered_map<std::string, std::uint32_t> ids_;
   TinInput input_;
 };
@@ -275,18 +304,36 @@ std::size_t choose_surface(const FilePart& from, const std::vector<std::string>&
   if (names.empty())
     throw InputError(from.file, "has no surface of triangles (TIN); export one with its faces");
   if (from.part.empty() && names.size() == 1) return 0;
-  const auto at = std::find(names.begin(), names.end(), from.part);
-  if (!from.part.empty() && at != names.end()) return static_cast<std::size_t>(at - names.begin());
+  const auto is_clear = [&](const std::string& name) {
+    return !name.empty() && std::count(names.begin(), names.end(), name) == 1;
+  };
+  const auto at =
+      static_cast<std::size_t>(std::find(names.begin(), names.end(), from.part) - names.begin());
+  if (is_clear(from.part)) return at;
+  // A number never takes the place of a name that another version of the file lacks.
+  const std::size_t number = parsed<std::size_t>(from.part).value_or(0);
+  if (at == names.size() && number > 0 && number <= names.size() && !is_clear(names[number - 1]))
+    return number - 1;
   std::vector<std::string> listed;
   for (const std::string& name : names)
     if (listed.size() < kListed) listed.push_back(printable(name));
+  const auto unclear = static_cast<std::size_t>(
+      std::find_if_not(names.begin(), names.end(), is_clear) - names.begin());
+  const bool several = !from.part.empty() && at < names.size();
   throw InputError(
       from.file,
-      fmt::format("has {}{}{}; name one, as in {}#{}",
+      fmt::format("has {}{}{}; {}, as in {}#{}",
                   from.part.empty() ? fmt::format("{} surfaces, ", names.size())
+                  : several         ? fmt::format("several surfaces '{}': ", printable(from.part))
                                     : fmt::format("no surface '{}', but ", printable(from.part)),
                   quoted_list(listed), names.size() > kListed ? " and others" : "",
-                  from.file.filename().string(), listed.front()));
+                  unclear < names.size()
+                      ? "name one, or give the number of one without a name of its own"
+                      : "name one",
+                  from.file.filename().string(),
+                  several        ? std::to_string(at + 1)
+                  : unclear == 0 ? "1"
+                                 : listed.front()));
 }
 
 }  // namespace soilvdb::inline v0::io

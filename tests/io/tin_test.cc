@@ -210,6 +210,14 @@ TEST(Tin, ACrsInFeetIsThatOfItsMetres) {
   const std::string metres = crs_of("meter", "<CoordinateSystem epsgCode='EPSG:26943'/>", 1);
   EXPECT_EQ(crs_label(metres), "EPSG:26943");
   EXPECT_THAT(crs_differences("a", feet, "b", metres), IsEmpty());
+  EXPECT_EQ(crs_label(feet), "NAD83 / California zone 3 (ftUS), in metres");
+  const auto both = [&](const std::string& unit, const std::string& codes, double unit_m) {
+    return crs_of(unit, "<CoordinateSystem epsgCode='" + codes + "'/>", unit_m);
+  };
+  const std::string high = both("USSurveyFoot", "2227+5703", 1200.0 / 3937);
+  EXPECT_EQ(crs_label(high), "NAD83 / California zone 3 (ftUS), in metres + NAVD88 height");
+  EXPECT_THAT(crs_differences("a", high, "b", both("meter", " EPSG:26943 + 5703\n", 1)), IsEmpty());
+  EXPECT_THAT(crs_differences("a", high, "b", metres), ElementsAre(HasSubstr("heights of a")));
   EXPECT_EQ(crs_label(crs_of("meter", fmt::format("<CoordinateSystem ogcWktCode='{}'/>", kUtm17), 1,
                              {500000, 5400000})),
             "EPSG:32617");
@@ -333,8 +341,41 @@ TEST(Tin, OneOfSeveralSurfacesIsNamed) {
             file_fingerprint(file.string() + "#as built"))
       << "they are different terrain";
   EXPECT_THAT(refusal(folder, folder / "b.xml#a"), HasSubstr("b.xml: no such file"));
+  EXPECT_THAT(refusal(folder, file.string() + "#2"), HasSubstr("has no surface '2'"))
+      << "it may be the name in a former file";
+  std::string many;
+  for (const auto& [name, x] : {std::pair{"road", 1}, {"", 2}, {"pit", 3}, {"road", 4}, {"2", 5}})
+    many += surface_of(pyramid({double(x), 0}), name);
+  const auto twice = folder.write("c.xml", landxml(many));
+  for (const auto& [part, x] : {std::pair{"pit", 3}, {"1", 1}, {"4", 4}, {"2", 5}})
+    EXPECT_EQ(open_raster(twice.string() + "#" + part).grid.first.x(), x) << part;
+  EXPECT_THAT(refusal(folder, twice),
+              HasSubstr("has 5 surfaces, 'road', '', 'pit', 'road' and '2'; name one, or give the "
+                        "number of one without a name of its own, as in c.xml#1"));
+  EXPECT_THAT(refusal(folder, twice.string() + "#road"), HasSubstr("has several surfaces 'road'"));
+  for (const char* part : {"#3", "#0", "#6"})
+    EXPECT_THAT(refusal(folder, twice.string() + part), HasSubstr("has no surface"));
   folder.write("a.xml#a.xml", landxml(surface_of(pyramid({5, 6}))));
   EXPECT_EQ(open_raster(folder / "a.xml#a.xml").grid.first, Vec2(5, 6)) << "a file's own name";
+}
+
+TEST(Tin, EncodingsOfLandXmlAreRead) {
+  const TempFolder folder;
+  const auto corner_of = [&](const std::string& encoding, const std::string& name) {
+    const auto file = folder.write(
+        "a.xml",
+        change(landxml(surface_of(pyramid({7, 8}), name) + surface_of(pyramid({0, 0}), "a")),
+               "version='1.0'", "version='1.0' encoding='" + encoding + "'"));
+    return Vec2(open_raster(file.string() + "#B\u00f6schung \u0141").grid.first);
+  };
+  EXPECT_EQ(corner_of("UTF-8", "B\u00f6schung \u0141"), Vec2(7, 8));
+  EXPECT_EQ(corner_of("windows-1250", "B\xf6schung \xa3"), Vec2(7, 8));
+  EXPECT_THAT(
+      refusal(folder, folder.write("a.xml", "<?xml version='1.0' encoding='no such'?><a/>")),
+      HasSubstr("isn't well-formed XML"));
+  EXPECT_THAT(
+      refusal(folder, folder.write("a.xml", "<?xml version='1.0' encoding='no-such'?><a/>")),
+      HasSubstr("isn't well-formed XML (unknown encoding)"));
 }
 
 TEST(Tin, WrongFilesAreRefusedInOneLine) {
@@ -431,7 +472,7 @@ TEST(Tin, FacesOfADxfAreASurface) {
               HasSubstr("has the unit 20 of $INSUNITS"));
   EXPECT_THAT(refusal(folder, folder.write("a.dxf", dxf("", "6"))), HasSubstr("has no surface"));
   EXPECT_THAT(refusal(folder, folder.write("a.dxf", "rubbish")),
-              HasSubstr("is not a readable DXF"));
+              HasSubstr("a.dxf: is not a readable DXF of text"));
 }
 
 TEST(Tin, FacesOfABlockAreWhereItIsInserted) {
@@ -469,6 +510,62 @@ TEST(Tin, MeshesAndFoursidedFacesOfADxfAreFaces) {
   warped[3].z() = 5;
   EXPECT_THAT(open_raster(folder.write("a.dxf", dxf(face("top", warped), "6"))).warnings,
               ElementsAre(HasSubstr("a face of four corners is not flat; it is folded")));
+}
+
+/// A face with no more groups than given, the corners among them.
+std::string bare(const std::string& kind, const std::string& layer,
+                 const std::vector<Vec3>& corners, const std::string& more = "") {
+  std::string text = groups({{0, kind}, {8, layer}}) + more;
+  for (std::size_t i = 0; i < corners.size(); ++i) text += corner(int(i), corners[i]);
+  return text;
+}
+
+TEST(Tin, OnlyVisibleFacesInSpaceOfADxfAreASurface) {
+  const TempFolder folder;
+  const Tin tin = pyramid();
+  const std::vector<float> wanted =
+      all_of(open_raster(folder.write("a.xml", landxml(surface_of(tin)))));
+  std::string good, others;
+  for (const auto& [a, b, c] : tin.faces)
+    good += bare("3DFACE", "top", {tin.points[a], tin.points[b], tin.points[c]});
+  const std::vector<Vec3> high{Vec3(500000, 5400000, 90), Vec3(500020, 5400000, 90),
+                               Vec3(500000, 5400020, 90), Vec3(500020, 5400020, 90)};
+  for (const char* kind : {"SOLID", "TRACE", "LEADER"}) others += bare(kind, "top", high);
+  others += groups({{0, "POLYLINE"}, {8, "top"}, {60, "1"}, {70, "8"}}) +
+            bare("VERTEX", "top", {high[0]}) + groups({{0, "SEQEND"}});
+  others += bare("3DFACE", "top", high, groups({{67, "1"}}));
+  const std::string hidden = bare("3DFACE", "top", high, groups({{60, "1"}}));
+  const std::string insert =
+      groups({{0, "INSERT"}, {8, "top"}, {2, "part"}}) + corner(0, Vec3::Zero());
+  const auto read = [&](const std::string& text) {
+    const RasterInput surface = open_raster(folder.write("a.dxf", text));
+    EXPECT_THAT(all_of(surface), ::testing::Pointwise(::testing::FloatNear(2e-6F), wanted));
+    return surface.warnings;
+  };
+  EXPECT_THAT(read(dxf(good + others, "6")), IsEmpty());
+  EXPECT_THAT(read(dxf(insert, "6", good + others)), IsEmpty()) << "in a block";
+  EXPECT_THAT(read(dxf(others + hidden + good, "6")),
+              ElementsAre(HasSubstr("an invisible face, mesh or block (group 60) is left out")));
+  EXPECT_THAT(read(dxf(insert + hidden, "6", hidden + good)),
+              ElementsAre(HasSubstr("2 invisible faces, meshes or blocks")));
+  EXPECT_THAT(refusal(folder, folder.write("a.dxf", dxf(hidden, "6"))),
+              HasSubstr("has no visible face (group 60 hides them)"));
+  EXPECT_THAT(refusal(folder, folder.write("a.dxf", dxf(others, "6"))),
+              HasSubstr("has no surface of triangles"));
+}
+
+TEST(Tin, LayersOfADxfAreNamedInItsEncoding) {
+  const TempFolder folder;
+  const auto named = [&](const std::string& version, const std::string& layer) {
+    const std::string two = face("a", {{0, 0, 1}, {8, 0, 1}, {0, 8, 1}}) +
+                            face(layer, {{0, 0, 2}, {8, 0, 2}, {0, 8, 2}});
+    const auto file = folder.write(
+        "a.dxf",
+        change(dxf(two, "6"), "HEADER\n", "HEADER\n" + groups({{9, "$ACADVER"}, {1, version}})));
+    return all_of(open_raster(file.string() + "#B\u00f6schung"))[0];
+  };
+  EXPECT_EQ(named("AC1032", "B\u00f6schung"), 2);
+  EXPECT_EQ(named("AC1015", "B\xf6schung"), 2);
 }
 
 TEST(Tin, WrittenSurfacesAreReadAgain) {
