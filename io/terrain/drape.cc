@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 
+#include "core/tool/polygon.h"
 #include "io/file/shared_library.h"
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
@@ -68,6 +69,7 @@ const DrapeFunctions& drape_gdal() {
 struct DrapeColours {
   std::array<int, 3> bands = {1, 1, 1};
   GDALColorTableH palette = nullptr;
+  int brightest = 255;  ///< of bands without a palette
 };
 
 DrapeColours colours_of(const std::filesystem::path& file, const GdalDataset& dataset) {
@@ -89,7 +91,11 @@ DrapeColours colours_of(const std::filesystem::path& file, const GdalDataset& da
   for (const int i : colours.bands) {
     const GDALRasterBandH band = gdal().GDALGetRasterBand(dataset.get(), i);
     const GDALDataType type = gdal().GDALGetRasterDataType(band);
-    if (type == GDT_Byte) continue;
+    if (type == GDT_Byte) {
+      if (const char* bits = gdal().GDALGetMetadataItem(band, "NBITS", "IMAGE_STRUCTURE"))
+        colours.brightest = (1 << std::clamp(parsed<int>(bits).value_or(8), 1, 8)) - 1;
+      continue;
+    }
     if (type == GDT_UInt16 && count >= 3)
       throw InputError(file, "has colours of 16 bits; make 8 bits of them with: " +
                                  translate_command(file, "-ot Byte -scale", "_8bit"));
@@ -187,12 +193,7 @@ DrapeExtent extent_of(const std::filesystem::path& file, const GdalDataset& data
       extent.box.extend(around.back());
     }
   }
-  double twice_m2 = 0;
-  for (std::size_t i = 0; i < around.size(); ++i) {
-    const Vec2 a = around[i] - around[0], b = around[(i + 1) % around.size()] - around[0];
-    twice_m2 += a.x() * b.y() - a.y() * b.x();
-  }
-  extent.cell_m = std::sqrt(std::abs(twice_m2) / 2 / (nx * ny));
+  extent.cell_m = std::sqrt(area_of(around) / (nx * ny));
   if (!(extent.cell_m > 0)) throw InputError(file, "has cells of size 0; above 0 m is needed");
   return extent;
 }
@@ -229,9 +230,12 @@ GdalDataset warped(const std::filesystem::path& file, const GdalDataset& dataset
   std::array<GDALDatasetH, 1> sources = {dataset.get()};
   int error = 0;
   messages.clear();
+  constexpr const char* kCutOff = "GDAL_ERROR_ON_LIBJPEG_WARNING";  // other formats' are errors
+  gdal().CPLSetThreadLocalConfigOption(kCutOff, "YES");
   GdalDataset made(options == nullptr
                        ? nullptr
                        : drape_gdal().warp("", nullptr, 1, sources.data(), options, &error));
+  gdal().CPLSetThreadLocalConfigOption(kCutOff, nullptr);
   drape_gdal().free_options(options);
   if (!made || error != 0 || !messages.error().empty())
     throw InputError(file, fmt::format("can't be brought into the site's CRS or is damaged ({})",
@@ -258,21 +262,16 @@ std::string encoded(std::array<Channel, 4> channels, int columns, int rows,
     good = gdal().GDALRasterIO(gdal().GDALGetRasterBand(picture.get(), i + 1), GF_Write, 0, 0,
                                columns, rows, channels[static_cast<std::size_t>(i)].data(), columns,
                                rows, GDT_Byte, 0, 0) == CE_None;
-  constexpr const char* kName = "/vsimem/soilvdb_drape.webp";
+  const MemoryFile memory(".webp");
   const char* const options[] = {kQuality, nullptr};
   if (good)
-    good = GdalDataset(drape_gdal().create_copy(gdal().GDALGetDriverByName("WEBP"), kName,
+    good = GdalDataset(drape_gdal().create_copy(gdal().GDALGetDriverByName("WEBP"), memory.path(),
                                                 picture.get(), 0, options, nullptr, nullptr)) !=
            nullptr;
-  vsi_l_offset size = 0;
-  const GByte* bytes = good ? gdal().VSIGetMemFileBuffer(kName, &size, FALSE) : nullptr;
-  std::string webp;
-  if (bytes != nullptr) webp.assign(reinterpret_cast<const char*>(bytes), size);
-  gdal().VSIUnlink(kName);
-  if (webp.empty())
+  if (!good || memory.bytes().empty())
     throw std::runtime_error("GDAL can't write WebP (" + messages.error_or("no reason is given") +
                              ")");
-  return webp;
+  return std::string(memory.bytes());
 }
 
 std::string picture_of(const GdalDataset& warped_raster, const DrapeColours& colours,
@@ -287,8 +286,12 @@ std::string picture_of(const GdalDataset& warped_raster, const DrapeColours& col
       drape_gdal().color_entry(colours.palette, channels[0][i], &entry);
       const std::array<short, 3> rgb = {entry.c1, entry.c2, entry.c3};
       for (std::size_t c = 0; c < 3; ++c) channels[c][i] = static_cast<unsigned char>(rgb[c]);
-      if (entry.c4 == 0) channels[3][i] = 0;
+      channels[3][i] = static_cast<unsigned char>(channels[3][i] * entry.c4 / 255);
     }
+  } else {
+    for (std::size_t c = 0; c < 3; ++c)
+      for (unsigned char& value : channels[c])
+        value = static_cast<unsigned char>(value * 255 / colours.brightest);
   }
   const auto seen = [](unsigned char alpha) { return alpha > 0; };
   if (std::none_of(channels[3].begin(), channels[3].end(), seen)) return "";

@@ -3,9 +3,12 @@
 """Orthophotos and maps on the page: colours lie where the file has them, in any CRS and format."""
 import asyncio
 import io
+import os
 import random
+import signal
 import subprocess
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,6 +124,20 @@ def test_palettes_greys_and_world_files_are_colours_too(site):
                 for i in range(8):
                     wanted = colours[blocks[20 * j, 20 * i]]
                     assert np.abs(pixels[20 * j + 10, 20 * i + 10, :3].astype(float) - wanted).max() < LOSSY
+    table.SetColorEntry(1, (*palette[1], 128))
+    table.SetColorEntry(2, (*palette[2], 0))
+    data = gdal.GetDriverByName("MEM").CreateCopy("", gdal.Open(str(mapped)))
+    data.GetRasterBand(1).SetColorTable(table)
+    gdal.GetDriverByName("PNG").CreateCopy(str(site.parent / "map.png"), data)
+    dark = gdal.GetDriverByName("GTiff").CreateCopy(str(site.parent / "dark.tif"), gdal.Open(str(grey)), 0, ["NBITS=4"])
+    dark.GetRasterBand(1).WriteArray(4 + 5 * blocks)   # of 15
+    dark = None
+    for file, channel, wanted in (("map.png", 3, (255, 128, 0)), ("dark.tif", 0, (68, 153, 238))):
+        with served(site, file) as server:
+            pixels, _ = picture(server)
+            for block, value in np.ndenumerate(blocks[::20, ::20]):
+                got = pixels[20 * block[0] + 10, 20 * block[1] + 10, channel]
+                assert abs(float(got) - wanted[value]) < LOSSY
     plane = site.with_name("plane.yaml")   # whose terrain cannot name a CRS
     plane.write_text(site.read_text().replace("{raster: ground.tif}", "{plane: {z: 2.0}}"))
     Image.fromarray(np.full((40, 60, 3), (10, 200, 30), np.uint8)).save(site.parent / "photo.png")
@@ -165,15 +182,36 @@ def test_a_file_that_is_no_drape_of_the_site_is_refused_in_one_line_with_advice(
     write(folder / "deep.tif", [band.astype(np.uint16) for band in rgb], corner, 1, 25832, gdal.GDT_UInt16)
     write(folder / "whole.tif", [np.random.default_rng(1).integers(0, 255, (400, 400), np.uint8)] * 3, corner, 0.2, 25832)
     (folder / "cut.tif").write_bytes((folder / "whole.tif").read_bytes()[:200_000])
+    gdal.GetDriverByName("JPEG").CreateCopy(str(folder / "cut.jpg"), gdal.Open(str(folder / "whole.tif")))
+    with open(folder / "cut.jpg", "r+b") as file:
+        file.truncate(file.seek(0, 2) // 2)
     for file, words in (("none.tif", "none.tif"), ("text.tif", "convert it with: gdal_translate"),
                         ("ground.tif", "holds heights or other numbers (Float32), not colours"),
                         ("nowhere.tif", "no georeference; set the coordinates"),
                         ("no_crs.tif", "names no CRS, and the site is in EPSG:25832"),
                         ("elsewhere.tif", "is not on the site: it goes from 517300, 5403660"),
                         ("empty.tif", "is not on the site"),
-                        ("deep.tif", "-ot Byte -scale"), ("cut.tif", "damaged")):
+                        ("deep.tif", "-ot Byte -scale"), ("cut.tif", "damaged"),
+                        ("cut.jpg", "damaged")):
         refused = subprocess.run([PROGRAM, "serve", site, "--drape", file, "--out", "refused", "--port", "0"], cwd=folder,
                                  capture_output=True, text=True, timeout=60, check=False)
         assert refused.returncode == 2 and words in refused.stderr, (file, refused.stderr)
         assert len(refused.stderr.strip().splitlines()) == 1, refused.stderr
         assert not (folder / "refused").exists(), "nothing is written"
+
+
+def test_a_signal_while_a_large_picture_is_read_ends_the_program(site):
+    large = site.parent / "large.tif"
+    n = 30_000   # without any tile on the disk, but each is resampled
+    data = gdal.GetDriverByName("GTiff").Create(str(large), n, n, 3, gdal.GDT_Byte, ["TILED=YES", "SPARSE_OK=TRUE"])
+    data.SetGeoTransform((FIRST[0], SIDE / n, 0, FIRST[1] + SIDE, 0, -SIDE / n))
+    data.SetProjection(osr.SpatialReference(gdal.Open(str(site.parent / "ground.tif")).GetProjection()).ExportToWkt())
+    data = None
+    with subprocess.Popen([PROGRAM, "serve", site, "--drape", large, "--out", "stopped", "--port", "0"], cwd=site.parent,
+                          stderr=subprocess.PIPE) as reader:
+        files = Path(f"/proc/{reader.pid}/fd")
+        while not any(os.path.realpath(file) == str(large) for file in files.iterdir()):
+            assert reader.poll() is None
+        reader.terminate()
+        assert reader.wait(timeout=60) == -signal.SIGTERM, "it read on, and then stopped as a server does"
+    assert not (site.parent / "stopped").exists()

@@ -14,6 +14,9 @@
 
 namespace soilvdb::tools {
 
+/// From now on SIGINT and SIGTERM request a stop. Before, they end the program.
+void stop_on_signals();
+
 void run(const RunOptions& options);
 
 struct ResumeOptions {

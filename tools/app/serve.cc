@@ -216,6 +216,7 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   all.drape = drape_of(options.drape, site.session().site());
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
+  stop_on_signals();
   say_where(server);
   server.run([] { return stop_requested.load(); });
 }
@@ -285,6 +286,11 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   site.set_sensors(scenario.sensors);
   for (const std::string& warning : site.session().site().warnings) say("warning: " + warning);
   check_receivers(scenario, site.session().site());
+  all.lines = open_lines(options.lines, site.session().site());
+  all.raster_cell_m = scenario.raster_cell_m;
+  all.drape = drape_of(options.drape, site.session().site());
+  const auto design = open_design(options.design, site.session().site());
+  stop_on_signals();  // files take long to read; nothing is written yet
   Recording recording = site.session().recording();
   const std::optional<Played> played =
       options.speed && !options.out ? std::optional<Played>(std::in_place) : std::nullopt;
@@ -295,16 +301,12 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
     recording.snapshot_every_s = kSnapshotEvery_s;
     recording.incremental = true;
   }
-  all.lines = open_lines(options.lines, site.session().site());
-  all.raster_cell_m = scenario.raster_cell_m;
-  all.drape = drape_of(options.drape, site.session().site());
   all.folder = recording.folder;
   all.measures = recording.folder / kMeasuresName;
   if (scenario.mcap) all.mcap_folder = recording.folder;
   // Errors of the command must be reported before a recording exists.
   const auto server = std::make_shared<Server>(
-      site, make_recorded_history(site.session().clone(), recording.folder),
-      open_design(options.design, site.session().site()), all);
+      site, make_recorded_history(site.session().clone(), recording.folder), design, all);
   site.record(recording, {});
   if (site.fed() > 0)
     say(fmt::format("{}: going on after {}{}", recording.folder.string(),

@@ -65,16 +65,6 @@ void on_stop(int signal) {
   }
 }
 
-void stop_on_signals() {
-  struct sigaction stop {};
-  stop.sa_handler = on_stop;
-  stop.sa_flags = SA_RESTART;
-  sigaddset(&stop.sa_mask, SIGINT);
-  sigaddset(&stop.sa_mask, SIGTERM);
-  sigaction(SIGINT, &stop, nullptr);
-  sigaction(SIGTERM, &stop, nullptr);
-}
-
 /// The command line, and the options of all commands.
 class CommandLine {
  public:
@@ -221,7 +211,7 @@ class CommandLine {
         ->type_name("FILE");
     sub->add_flag("--stdin", serve_.feed_stdin,
                   "feed lines from standard input, too; answers go to standard output");
-    sub->callback([this] { stoppable([this] { serve(serve_); }); });
+    sub->callback([this] { command_ = [this] { serve(serve_); }; });
   }
 
   void add_verify() {
@@ -311,6 +301,17 @@ int guarded_main(int argc, char** argv) {
 }
 
 }  // namespace
+
+void stop_on_signals() {
+  struct sigaction stop {};
+  stop.sa_handler = on_stop;
+  stop.sa_flags = SA_RESTART;
+  sigaddset(&stop.sa_mask, SIGINT);
+  sigaddset(&stop.sa_mask, SIGTERM);
+  sigaction(SIGINT, &stop, nullptr);
+  sigaction(SIGTERM, &stop, nullptr);
+}
+
 }  // namespace soilvdb::tools
 
 int main(int argc, char** argv) { return soilvdb::tools::guarded_main(argc, argv); }
