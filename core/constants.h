@@ -300,7 +300,7 @@ inline constexpr float kObstacleClearance = 2;
 /// and to the third. Heights err by 0.03 where soil was cut. With smaller values that error slides
 /// to and fro, with larger ones heaps stand too steep.
 inline constexpr int kSteepColumns = 3;
-inline constexpr double kSteepDrops[kSteepColumns] = {0.2, 0.12, 0.08};
+inline constexpr double kSteepDrops[kSteepColumns] = {0.12, 0.1, 0.08};
 /// Tiles between two tiles with steep soil up to which that slides together.
 inline constexpr int kNearTiles = 2;
 /// Slope beyond repose at which sliding soil comes to rest, a quarter of a degree. It keeps most of

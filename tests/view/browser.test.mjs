@@ -842,12 +842,17 @@ test('a measure with a name is seen by all, moved, asked for its progress, share
     await office.mouse.move(...(await pixelOf(office, [1.8, 0.7])), {steps: 4});
     await office.mouse.up();
     await office.locator('.edit summary').click();
-    await office.getByLabel('N of point 1').fill('-0.75');
+    const north = office.getByLabel('N of point 1'), metres = await north.inputValue();
+    await office.click('#units summary');
+    await office.selectOption('#unit-list [aria-label=Lengths]', 'ft');
+    await office.keyboard.press('Escape');
+    await office.waitForFunction((m) => Math.abs(document.querySelector('[aria-label="N of point 1"]').value * 0.3048 - m) < 1e-4, Number(metres));
+    await north.fill('-2.5');
     const {query} = await site.answerTo(guest, '/volume', () => office.locator('.edit').getByText('Save').click());
     const [moved] = await kept();
     assert.deepEqual([moved.points[1], moved.points[3], moved.id], [made.points[1], made.points[3], made.id]);
     assert.ok(Math.hypot(moved.points[2][0] - 1.8, moved.points[2][1] - 0.7) < 0.05, `${moved.points[2]} was dragged there`);
-    assert.equal(moved.points[0][1], -0.75);
+    assert.ok(Math.abs(moved.points[0][1] + 2.5 * 0.3048) < 1e-9);
     assert.equal(query.get('boundary'), moved.points.flat().map((v) => v.toFixed(4)).join(), 'who looks has the new figures');
 
     await office.locator('.actions').getByText('Edit').click();
