@@ -209,6 +209,13 @@ std::string crs_label(const std::string& wkt) {
   return srs ? label_of(srs.get()) : "";
 }
 
+std::string map_label(const std::string& wkt) {
+  if (wkt.empty()) return {};
+  const GdalMessages messages;
+  const OwnSrs srs = srs_of(wkt);
+  return srs ? label_of(horizontal_of(srs.get()).get()) : "";
+}
+
 std::string wkt_of(Srs srs) { return text_of(srs, "FORMAT=WKT2_2019"); }
 
 int utm_epsg(double longitude, double latitude) {

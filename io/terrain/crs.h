@@ -17,6 +17,8 @@ using Srs = void*;
 
 /// "EPSG:26918", or else the CRS's name; empty for an empty or invalid WKT.
 std::string crs_label(const std::string& wkt);
+/// The same of its map, whatever its heights are above.
+std::string map_label(const std::string& wkt);
 
 /// The UTM zone (EPSG code, WGS 84) of a place in degrees; UPS beyond 84 N and 80 S.
 int utm_epsg(double longitude, double latitude);

@@ -352,3 +352,11 @@ def test_exports_have_names_places_and_values(site, tmp_path):
         assert float(rows[3]["level_m"]) == 26 and float(rows[3]["rise_m"]) == pytest.approx(DEPTH_M, abs=VOXEL_M)
         at_start = list(csv.DictReader(server.get("/measures.csv?time=500")[1].decode().splitlines()))
         assert float(at_start[0]["cut_m3"]) == 0 < float(rows[0]["cut_m3"])
+
+
+def test_places_of_an_export_are_those_of_the_map(site):
+    subprocess.run(["gdal_translate", "-q", "-a_srs", "EPSG:25832+5783", "ground.tif", "heights.tif"], cwd=site.parent, check=True)
+    site.write_text(site.read_text().replace("ground.tif", "heights.tif"))
+    with Server(site, "--out", site.parent / "out", cwd=site.parent) as server:
+        area(server, "pit")
+        assert server.json("/measures.geojson")["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::25832"

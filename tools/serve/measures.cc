@@ -129,12 +129,6 @@ std::size_t place_of(const std::vector<Measure>& all, std::uint64_t id) {
   throw std::invalid_argument(fmt::format("there is no measure {}; it may have been removed", id));
 }
 
-/// "EPSG:25832" of "EPSG:25832+5783"; empty without a code.
-std::string horizontal_epsg(const std::string& crs_wkt) {
-  const std::string label = io::crs_label(crs_wkt);
-  return label.starts_with("EPSG:") ? label.substr(0, label.find('+')) : "";
-}
-
 }  // namespace
 
 Measures::Measures(fs::path file) : file_(std::move(file)) {
@@ -242,9 +236,9 @@ OrderedJson Measures::geojson(const std::string& crs_wkt) const {
   }
   OrderedJson json = {{"type", "FeatureCollection"}};
   // RFC 7946 knows degrees only; this member of its predecessor is what GIS programs read.
-  if (const std::string epsg = horizontal_epsg(crs_wkt); !epsg.empty())
+  if (const std::string map = io::map_label(crs_wkt); map.starts_with("EPSG:"))
     json["crs"] = {{"type", "name"},
-                   {"properties", {{"name", "urn:ogc:def:crs:EPSG::" + epsg.substr(5)}}}};
+                   {"properties", {{"name", "urn:ogc:def:crs:EPSG::" + map.substr(5)}}}};
   json["features"] = std::move(features);
   return json;
 }
