@@ -82,10 +82,13 @@ BAD = [
     ({"add": {"kind": "height", "name": 81 * "x", "points": [[0, 0]]}}, "1 to 80 bytes"),
     ({"add": {"kind": "height", "name": "x", "points": [[0, 0, 1]]}}, "'points' must be an array of 2 numbers"),
     ({"add": {"kind": "height", "name": "x", "points": [[0, 2e9]]}}, "within 1e+09 m"),
+    ({"add": {"kind": "height", "name": "x", "points": [[-2e9, 0]]}}, "within 1e+09 m"),
+    ({"add": {"kind": "height", "name": " mark ", "points": [[0, 0]]}}, "there is a measure 'mark' already"),
     ({"add": {"kind": "section", "name": "x", "points": [[0, 0]]}}, "of a section must be an array of 2 [x, y]"),
     ({"add": {"kind": "distance", "name": "x", "points": [[1, 1], [1, 1]]}}, "must differ"),
     ({"add": {"kind": "boundary", "name": "x", "points": [[0, 0], [2, 2], [2, 0], [0, 2]]}}, "crosses itself"),
     ({"add": {"kind": "boundary", "name": "x", "points": 1001 * [[0, 0]]}}, "3 to 1000"),
+    ({"add": {"kind": "boundary", "name": "x", "points": [[0, 0], [1, 0]]}}, "3 to 1000"),
     ({"add": {"kind": "height", "name": "x", "points": [[0, 0]], "colour": "red"}}, "unknown key 'colour'"),
 ]
 
@@ -103,17 +106,30 @@ def test_bad_changes_are_told_and_change_nothing(tmp_path):
             change(server, {"add": {"kind": "boundary", "name": f"ring {i}", "points": ring}})
         assert "10000 points in all" in change(
             server, {"add": {"kind": "boundary", "name": "one more", "points": ring}}, 400)["error"]
-        assert len(kept(server)) == 10
+        change(server, {"add": {"kind": "boundary", "name": "the last", "points": ring[:999]}})
+        assert len(kept(server)) == 11
         for measure, said in (("2", "there is no design"), ("1", "of a measure with a boundary"),
                               ("99", "there is no measure 99"), ("0.5", "there is no measure"), ("x", "'measure'")):
             assert said in json.loads(server.get(f"/progress?measure={measure}")[1])["error"]
         server.stop()
     for text in ('{"measures": [{"id": 1}]}', "[]", '{"next": 1, "measures": [{"id": 1, "kind": "height", '
-                 '"name": "a", "points": [[0, 0]]}]}', "\x00"):
+                 '"name": "a", "points": [[0, 0]]}]}', "\x00", json.dumps({"next": 3, "measures": [
+                     {"id": 1, "kind": "height", "name": name, "points": [[0, 0]]} for name in "ab"]})):
         file.write_text(text)
         with pytest.raises(AssertionError, match="measures.json"):
             Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path)
         assert file.read_text() == text
+
+
+def test_a_site_keeps_200_measures(tmp_path):
+    marks = [{"id": id, "kind": "height", "name": f"{id}", "points": [[0, 0]]} for id in range(1, 201)]
+    more = {"add": {"kind": "height", "name": "more", "points": [[0, 0]]}}
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/measures.json").write_text(json.dumps({"next": 201, "measures": marks}))
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        assert "at most 200 measures" in change(server, more, 400)["error"]
+        change(server, {"remove": 7})
+        assert change(server, more)["id"] == 201 and len(kept(server)) == 200
 
 
 def test_who_may_only_look_changes_no_measures_and_sees_those_of_others(tmp_path):
@@ -192,18 +208,21 @@ def feed(server, states):
     assert not [answer for answer in answers if "error" in answer], answers
 
 
-def feed_slowly(server, states, out):
+def feed_slowly(server, states, out, every_s=300):
     """As a machine would: each snapshot is written before the next one is due."""
     async def work():
         async with server.connect("/feed") as socket:
-            due_s = None
-            for state in states:
-                before = len(list(out.glob("soil_*.vdb")))
+            async def tell(state):
                 await socket.send(json.dumps(state))
                 assert "error" not in json.loads(await socket.recv())
-                while due_s is not None and state["time"] >= due_s and len(list(out.glob("soil_*.vdb"))) == before:
+            due_s = None
+            for state in states:
+                before = set(out.glob("soil_*.vdb"))
+                await tell(state)
+                while due_s is not None and state["time"] >= due_s and set(out.glob("soil_*.vdb")) <= before:
                     await asyncio.sleep(0.005)
-                due_s = 300 * (state["time"] // 300 + 1)
+                    await tell(state)   # it waits for the one before to be on disk
+                due_s = every_s * (state["time"] // every_s + 1)
     asyncio.run(asyncio.wait_for(work(), 60))
 
 
@@ -231,11 +250,13 @@ def require_progress(server, of):
     """What is left is that of /volume at each time; rate and end follow from it and from the report's hours."""
     told, now = progress(server, of), volume(server, of)
     times, cut = told["over_time"]["time_s"], told["over_time"]["to_cut_m3"]
+    assert times == sorted(set(times))
     earlier = list(zip(times, cut, told["over_time"]["to_fill_m3"]))[1:-1]
     for time_s, to_cut, to_fill in random.Random(1).sample(earlier, min(6, len(earlier))):
         there = volume(server, of, f"&time={time_s}")
         assert (to_cut, to_fill) == (there["to_cut_m3"], there["to_fill_m3"])
     assert (cut[-1], told["to_cut_m3"]) == (now["to_cut_m3"], now["to_cut_m3"])
+    assert (told["over_time"]["to_fill_m3"][-1], told["to_fill_m3"]) == (now["to_fill_m3"], now["to_fill_m3"])
     assert cut[0] == pytest.approx(now["design_area_m2"] * DEPTH_M)
     assert told["done"] == pytest.approx(1 - (cut[-1] + told["to_fill_m3"]) / cut[0])
     return told
@@ -244,6 +265,7 @@ def require_progress(server, of):
 def test_progress_is_what_volumes_at_earlier_times_say(site):
     with served(site) as server:
         of, none = area(server, "pit"), area(server, "elsewhere", 500125, 5400203, 500135, 5400219)
+        later = area(server, "later", 500104, 5400225, 500112, 5400235)
         assert progress(server, none)["error"] == "the design has no heights in this area"
         fresh = progress(server, of)
         assert fresh["done"] == 0 and fresh["rate_m3_per_h"] is None and "no state had a time" in fresh["note"]
@@ -253,14 +275,16 @@ def test_progress_is_what_volumes_at_earlier_times_say(site):
         # 8 strips were to be dug, and half of them are: 8 m x 8 m x 1 m in about an hour.
         assert told["done"] == pytest.approx(0.5, abs=0.06)
         now_s, over_h = told["over_time"]["time_s"][-1], told["rate_over_h"]
-        assert over_h == pytest.approx(worked_h(server, 0, now_s), abs=0.02)
+        assert over_h == pytest.approx(worked_h(server, 0, now_s), abs=1e-4)
+        assert progress(server, later)["note"].startswith("what is left has not become less in the last 1")
         at_start = told["at_start"]["to_cut_m3"]
         assert told["rate_m3_per_h"] * over_h == pytest.approx(at_start - told["to_cut_m3"] - told["to_fill_m3"])
         assert told["left_h"] == pytest.approx((told["to_cut_m3"] + told["to_fill_m3"]) / told["rate_m3_per_h"])
         assert told["end_s"] == pytest.approx(now_s + HOUR_S * told["left_h"])
         assert told["note"] == "if work goes on without a break"
         page = server.get("/report")[1].decode()
-        assert "Progress to design" in page and "pit" in page and "elsewhere" in page and "Expected end" in page
+        assert "Progress to design" in page and "Expected end" in page
+        assert set(cells(page, "elsewhere").values()) == {"–"}
         server.stop()
     with Server(site.parent / "out", "--design", site.parent / "design.tif", cwd=site.parent) as server:
         again = progress(server, of)
@@ -298,13 +322,122 @@ def test_what_was_dug_before_the_first_time_is_not_of_its_rate(site):
         assert 16 * DEPTH_M <= told["at_start"]["to_cut_m3"] - first_m3 < 19
 
 
-def test_states_taken_back_are_taken_out_of_progress(site):
+def snapshots_each(site, every_s):
+    site.write_text(site.read_text().replace("sync: always}", f"sync: always}}, snapshots: {{every: {every_s}}}"))
+
+
+@pytest.mark.parametrize("every_s", [120, 1800])
+def test_few_earlier_grounds_are_dug_again_and_none_for_long(site, every_s):
+    snapshots_each(site, every_s)
     with served(site) as server:
         of = area(server, "pit")
-        feed(server, strips(600.0, 1900, 0, 2))
+        states = list(strips(1800.0, 900, 0, 3))
+        feed_slowly(server, states, site.parent / "out", every_s)
+        times = require_progress(server, of)["over_time"]["time_s"]
+        snapshots = [min(s["time"] for s in states if s["time"] >= due_s) for due_s in range(1800, 4400, every_s)]
+        dug = [time_s for time_s in times[1:-1] if time_s not in snapshots]
+        assert 0 < len(dug) <= 12
+        assert all(time_s - max(s for s in snapshots if s <= time_s) <= 600 for time_s in dug)
+
+
+def test_what_is_told_of_the_end_grows_with_work(site):
+    site.write_text(site.read_text().replace("machines: [", "machines: [{name: e, bucket: {width: 2.0, height: 1.0}}, "))
+    snapshots_each(site, HOUR_S)
+    day_s, begin_s = 86400, 472222.0 * HOUR_S
+    # Of the second, hardly anything is dug.
+    bounds = (500101, 5400201, 500118, 5400239), (500101, 5400216.998, 500118, 5400239)
+
+    def both(states):
+        """Another machine works beside it: hours of the site are those of one."""
+        for state in states:
+            x, y, _ = state["position"]
+            yield state
+            yield {**state, "machine": "e", "position": [x + 10, y, 15.0]}
+    with served(site) as server:
+        of, hardly = (area(server, f"{corners}", *corners) for corners in bounds)
+        hour = list(both(strips(begin_s, HOUR_S, 0, 1)))
+        feed(server, hour[:4])
+        told = progress(server, of)
+        assert told["note"] == "machines have worked less than a minute" and told["rate_m3_per_h"] is None
+        feed(server, hour[4:24])
+        told = require_progress(server, of)
+        assert told["note"].endswith("min of work is too little to tell the end; 30 min is needed")
+        assert told["rate_m3_per_h"] > 0 and told["left_h"] is None
+        feed_slowly(server, [*hour[24:], *both(strips(begin_s + HOUR_S, HOUR_S, 1, 5))], site.parent / "out", HOUR_S)
+        told = require_progress(server, of)
+        assert told["left_h"] > 24 and told["end_s"] is None
+        assert told["note"] == "hours of work per day are known after a day"
+        now_s, over_h = told["over_time"]["time_s"][-1], told["rate_over_h"]
+        assert 4 <= over_h < 5.2
+        left_m3 = np.add(told["over_time"]["to_cut_m3"], told["over_time"]["to_fill_m3"])
+        dug_m3 = [m3 - left_m3[-1] for time_s, m3 in zip(told["over_time"]["time_s"], left_m3)
+                  if abs(worked_h(server, time_s // 60 * 60, now_s) - over_h) < 0.02]
+        assert told["rate_m3_per_h"] * over_h in [pytest.approx(m3) for m3 in dug_m3]
+        states = list(strips(begin_s + day_s, HOUR_S, 6, 1))
+        server.feed(states[:1])   # refused once: it is hours later
+        feed(server, states)
+        assert "of each day are worked, as in the last 24 h" in require_progress(server, of)["note"]
+        told = progress(server, hardly)
+        assert told["note"] == "at this rate it takes more than five years" and told["end_s"] is None
+
+
+def cells(page, name):
+    """Of an area's row in the report."""
+    row = re.search(f'<th scope="row">{name}</th>(.*?)</tr>', page).group(1)
+    return dict(re.findall('<td data-name="([^"]*)">([^<]*)</td>', row))
+
+
+def test_the_report_draws_progress(site):
+    design = np.full((40, 40), 10.5)
+    design[:, :10] = 10.0 - DEPTH_M
+    raster(site.parent / "design.tif", design)
+    snapshots_each(site, 1000000)   # none comes between the figures and the page
+    with served(site) as server:
+        of = area(server, "pit", x1=500118)
+        feed(server, strips(600.0, 300, 0, 1))
+        figure = re.search("<figcaption>pit.*?</figure>", server.get("/report")[1].decode()).group()
+        assert re.findall('text-anchor="(?:middle|end)">([0-9]+:[0-9]+)<', figure) == ["0:00", "2:13", "4:26"]
+        feed(server, strips(900.0, 1200, 1, 3))
+        told, now = progress(server, of), volume(server, of)
+        assert told["to_fill_m3"] == now["to_fill_m3"]
+        assert told["at_start"]["to_cut_m3"] > 1.2 * told["at_start"]["to_fill_m3"] > 0
+        page = server.get("/report?units=yd3")[1].decode()
+        row, yard_m3 = cells(page, "pit"), 0.9144 ** 3
+        for name, wanted in (("Still to cut, yd³", told["to_cut_m3"]), ("Still to fill, yd³", told["to_fill_m3"]),
+                             ("Rate, yd³/h", told["rate_m3_per_h"])):
+            shown = float(row[name])
+            assert shown == pytest.approx(wanted / yard_m3, abs=0.501 if shown >= 100 else 0.0501), name
+        assert row["Done"] == f"{100 * told['done']:.0f} %"
+        assert float(row["Work left, h"]) == pytest.approx(told["left_h"], abs=0.051)
+
+        def clock(time_s):
+            return f"{int(time_s) // 3600}:{int(time_s) // 60 % 60:02}"
+        times = told["over_time"]["time_s"]
+        assert row["Expected end"] == clock(told["end_s"]) + " h:min"
+        assert f"As of {clock(times[-1])} h:min, whatever" in page
+        figure = re.search("<figcaption>pit, yd³.*?</figure>", page).group()
+        ticks = [times[0], (times[0] + times[-1]) / 2, times[-1]]
+        assert re.findall('text-anchor="(?:middle|end)">([0-9]+:[0-9]+)<', figure) == [clock(time_s) for time_s in ticks]
+        lines = [np.array([float(v) for v in re.findall("[0-9.]+", path)]).reshape(-1, 2)
+                 for path in re.findall('<path d="([^"]*)" fill="none"', figure)]
+        assert re.findall("</svg>(Still[^<]*)</li>", figure) == ["Still to fill", "Still to cut"]
+        shown = np.array([170 - line[:, 1] for line in lines])   # above the axis
+        wanted = np.array([told["over_time"]["to_fill_m3"], told["over_time"]["to_cut_m3"]])
+        np.testing.assert_allclose(shown / shown.max(), wanted / wanted.max(), atol=0.002)
+
+
+def test_progress_follows_the_past_and_the_area(site):
+    with served(site) as server:
+        of, states = area(server, "pit"), list(strips(600.0, 1900, 0, 2))
+        feed_slowly(server, states, site.parent / "out")
         progress(server, of)
         assert server.post("/undo?machine=d&time=2400")[0] == 200
         require_progress(server, of)
+        elsewhere = [(state, state["position"]) for state in states if state["time"] > 2400]
+        feed_slowly(server, [{**state, "position": [x, y + 6, z]} for state, (x, y, z) in elsewhere], site.parent / "out")
+        require_progress(server, of)
+        half = [[500104, 5400203], [500112, 5400203], [500112, 5400206], [500104, 5400206]]
+        require_progress(server, change(server, {"change": {"id": of["id"], "points": half}}))
 
 
 def test_others_are_answered_between_the_grounds_that_progress_looks_at(site):
@@ -327,18 +460,21 @@ def test_exports_have_names_places_and_values(site, tmp_path):
     with served(site) as server:
         feed(server, strips(600.0, 60, 0, 2))
         made = [area(server, 'pit, "north"')]
+        clockwise = change(server, {"add": {"kind": "boundary", "name": "clockwise", "points": made[0]["points"][::-1]}})
+        made.append({**clockwise, "points": clockwise["points"][::-1]})   # rings go counter-clockwise
         for kind, at in (("section", [[500104, 5400204], [500112, 5400208]]), ("height", [[500105.5, 5400204]]),
-                         ("distance", [[500105, 5400204], [500105, 5400230]])):
-            made.append(change(server, {"add": {"kind": kind, "name": kind, "points": at}}))
+                         ("distance", [[500105, 5400204], [500105, 5400230]]),
+                         ("distance", [[500105, 5400230], [500105, 5400250]])):
+            made.append(change(server, {"add": {"kind": kind, "name": f"{kind} {len(made)}", "points": at}}))
         (tmp_path / "measures.geojson").write_bytes(server.get("/measures.geojson")[1])
         read = subprocess.run(["ogr2ogr", "-f", "CSV", "/vsistdout/", tmp_path / "measures.geojson", "-lco",
                                "GEOMETRY=AS_WKT"], check=True, capture_output=True, text=True).stdout
         rows = list(csv.DictReader(read.splitlines()))
         assert [(row["name"], row["kind"]) for row in rows] == [(m["name"], m["kind"]) for m in made]
         numbers = [[float(v) for v in re.findall(r"[\d.]+", row["WKT"])] for row in rows]
-        ring = [v for p in made[0]["points"] + made[0]["points"][:1] for v in p]
-        assert numbers == [ring, *([v for p in m["points"] for v in p] for m in made[1:])]
-        assert [row["WKT"].split()[0] for row in rows] == ["POLYGON", "LINESTRING", "POINT", "LINESTRING"]
+        rings = [[v for p in m["points"] + m["points"][:1] for v in p] for m in made[:2]]
+        assert numbers == [*rings, *([v for p in m["points"] for v in p] for m in made[2:])]
+        assert [row["WKT"].split()[0] for row in rows] == ["POLYGON"] * 2 + ["LINESTRING", "POINT"] + ["LINESTRING"] * 2
         crs = subprocess.run(["ogrinfo", "-al", "-so", tmp_path / "measures.geojson"], check=True, capture_output=True, text=True)
         assert "25832" in crs.stdout
         rows = list(csv.DictReader(server.get("/measures.csv")[1].decode().splitlines()))
@@ -346,10 +482,15 @@ def test_exports_have_names_places_and_values(site, tmp_path):
         for key in ("cut_m3", "fill_m3", "area_m2", "to_cut_m3", "to_fill_m3"):
             assert float(rows[0][key]) == wanted[key]
         section = server.json("/section?from=500104,5400204&to=500112,5400208&points=500")
-        assert float(rows[1]["cut_m2"]) == section["cut_m2"] and not rows[1]["cut_m3"]
+        assert float(rows[2]["cut_m2"]) == section["cut_m2"] and not rows[2]["cut_m3"]
+        assert float(rows[2]["length_m"]) == pytest.approx(np.hypot(8, 4))
         height = server.json("/height?x=500105.5&y=5400204")
-        assert {key: float(rows[2][key]) for key in height} == height
-        assert float(rows[3]["level_m"]) == 26 and float(rows[3]["rise_m"]) == pytest.approx(DEPTH_M, abs=VOXEL_M)
+        assert {key: float(rows[3][key]) for key in height} == height
+        level_m, rise_m, slope_m = (float(rows[4][key]) for key in ("level_m", "rise_m", "slope_m"))
+        assert level_m == 26 and rise_m == pytest.approx(DEPTH_M, abs=VOXEL_M)
+        assert slope_m == pytest.approx(np.hypot(level_m, rise_m))
+        assert float(rows[5]["level_m"]) == 20, "one end is beyond the ground"
+        assert rows[5]["rise_m"] == rows[5]["slope_m"] == rows[5]["error"] == ""
         at_start = list(csv.DictReader(server.get("/measures.csv?time=500")[1].decode().splitlines()))
         assert float(at_start[0]["cut_m3"]) == 0 < float(rows[0]["cut_m3"])
 
