@@ -178,7 +178,8 @@ def test_one_antenna_goes_with_a_rotation_and_a_blade_has_its_own(tmp_path):
         for change, why in (
                 ({"rotation": None}, "'rotation' must be an array of 4 numbers"),
                 ({"rotation": [0, 0, 0, 2]}, "'rotation' must be a unit quaternion x, y, z, w; its length is 2"),
-                ({"roll": 0.1}, "one antenna goes with a 'rotation', x, y, z, w in the world")):
+                ({"roll": 0.1}, "one antenna goes with a 'rotation', x, y, z, w in the world"),
+                ({"pitch": 0.1}, "one antenna goes with a 'rotation', x, y, z, w in the world")):
             answer, = server.feed([{**line, "geodetic": {**line["geodetic"], **change}}])
             assert answer["error"] == f"'geodetic': {why}"
         answer, = server.feed([{**line, "joints": START}])
@@ -194,7 +195,8 @@ def test_one_antenna_goes_with_a_rotation_and_a_blade_has_its_own(tmp_path):
         assert state["rotation"] == pytest.approx(quaternion(*rpy), abs=1e-5)
 
 
-def test_a_float_fix_may_have_a_wrong_baseline_and_does_not_dig(tmp_path):
+@pytest.mark.parametrize("fix", ["rtk_float", "single"])
+def test_positions_that_are_no_fix_may_have_a_wrong_baseline_and_do_not_dig(tmp_path, fix):
     joints = {**START, "boom_joint": 0.1}
 
     def state(time_s, x, fix, wrong=0.0):
@@ -203,13 +205,16 @@ def test_a_float_fix_may_have_a_wrong_baseline_and_does_not_dig(tmp_path):
         return {"machine": "machine", "time": time_s, "joints": joints, "geodetic": {"antennas": both}, "fix": fix}
     with Server(site(tmp_path), cwd=tmp_path) as server:
         first, bad, floating, back = server.feed([
-            state(0, 0, "rtk_fixed"), state(10, -1, "rtk_fixed", 0.9), state(20, -1, "rtk_float", 0.9),
+            state(0, 0, "rtk_fixed"), state(10, -1, "rtk_fixed", 0.9), state(20, -1, fix, 0.9),
             state(30, -2, "rtk_fixed")])
         assert "error" not in first
         assert bad["error"] == ("'geodetic': the antennas are 2.012 m apart, and 1.800 m in the scenario; these must "
                                 "agree to 0.1 m, or the position is no 'fix' of 'rtk_fixed'")
         assert floating["placed"] is False and floating["cut_m3"] == 0
         assert "error" not in back
+        tilted = state(40, -2, fix)
+        answer, = server.feed([{**tilted, "geodetic": {**tilted["geodetic"], "roll": 0.3}}])
+        assert answer["placed"] is False and answer["cut_m3"] == 0, "nor agree with an inclinometer"
         assert machines(server)["machine"]["state"]["base"]["position"][0] == pytest.approx(SITE[0] - 2, abs=1e-4)
 
 
@@ -233,6 +238,8 @@ def changed(antenna, **keys):
      "'geodetic': 'roll' is 12.5; it must be in radians, within 0.8"),
     ({"geodetic": {**GOOD, "roll": 0.3}},
      "'geodetic': the line through the antennas rises by 0.000, and by -0.296 with 'roll' and 'pitch'; these must agree"),
+    ({"geodetic": {"antennas": antennas([*SITE, 0.0], (0, 0, 0), [[-1.2, 0.75, 2.8], [-1.2, -0.75, 2.8]])}},
+     "'geodetic': the antennas are 1.500 m apart, and 1.800 m in the scenario; these must agree to 0.1 m"),
     ({"geodetic": {"antennas": [GOOD["antennas"][0]] * 2}, "fix": "single"},
      "'geodetic': the antennas are at one place, and tell no heading"),
     ({"geodetic": {**GOOD, "pitch": "0"}}, "'geodetic': 'pitch' must be a number"),
