@@ -14,6 +14,7 @@
 #include <complex>
 #include <cstdint>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <numbers>
 #include <random>
@@ -191,6 +192,25 @@ TEST(Geodetic, AWayThatIsKnownBadlyIsDoubted) {
   Gnss same = gnss_of("EPSG:25832");
   same.crs = "EPSG:4937";
   EXPECT_EQ(Geodetic(same, "", kAnywhere).doubt(), "");
+  EXPECT_EQ(Geodetic(gnss_of("EPSG:32632+5773"), "", kAnywhere).doubt(),
+            "heights are by 'geoid', not by the vertical part of EPSG:32632+5773");
+  const std::string bound =
+      R"(PROJCS["own",GEOGCS["own",DATUM["own",SPHEROID["WGS 84",6378137,298.257223563],)"
+      R"(TOWGS84[10,20,30,0,0,0,0]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],)"
+      R"(PROJECTION["Transverse_Mercator"],PARAMETER["central_meridian",9],)"
+      R"(PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],UNIT["metre",1]])";
+  EXPECT_THAT(Geodetic(gnss_of(""), bound, kAnywhere).doubt(),
+              HasSubstr("the terrain's CRS has its own transformation"));
+}
+
+/// EPSG's transformations from Arc 1950 are good to 7 m in Botswana, and to 44 m for all countries.
+TEST(Geodetic, TheWayIsThatOfTheSitesPlace) {
+  Gnss gnss = gnss_of("EPSG:32735");
+  gnss.crs = "EPSG:4209";
+  const Vec2 mirrored = utm(23, 23 - 27), place(mirrored.x(), 1e7 - mirrored.y());
+  const Eigen::AlignedBox2d bounds(place - Vec2(20, 20), place + Vec2(20, 20));
+  EXPECT_THAT(Geodetic(gnss, "", bounds).doubt(), HasSubstr("is known to 7 m"));
+  EXPECT_THAT(Geodetic(gnss, "", kAnywhere).doubt(), HasSubstr("is known to 44 m"));
 }
 
 Pose any_pose(std::mt19937_64& random, const Vec3& middle) {
@@ -295,6 +315,29 @@ TEST(Geodetic, HeadingsAreFromGridNorth) {
   EXPECT_LT((found.position - Vec3(place.x(), place.y(), kHeight_m)).norm(), 1e-3);
 }
 
+/// GDA2020 moves with its plate by the rates of its technical manual, ITRF2014 does not, and in
+/// 2020 they agreed.
+TEST(Geodetic, APlateHasMovedUntilNow) {
+  constexpr double kLatitude = -25, kLongitude = 147, kMilliarcsecond = kDegree / 3600 / 1000;
+  constexpr double kUnixSecondsOf2020 = 1577836800, kYear_s = 365.2425 * 86400;
+  Gnss fixed = gnss_of("EPSG:7855"), moving = fixed;
+  fixed.crs = "EPSG:7843";
+  moving.crs = "EPSG:7912";
+  const GeodeticPlace place{kLatitude, kLongitude, 100};
+  const Vec3 moved = Geodetic(moving, "", kAnywhere).in_site(place) -
+                     Geodetic(fixed, "", kAnywhere).in_site(place);
+  const Vec3 rates = kMilliarcsecond * Vec3(1.50379, 1.18346, 1.20716);
+  const Vec3 per_year = rates.cross(on_earth(kLatitude, kLongitude, 100));
+  const double phi = kLatitude * kDegree, lambda = kLongitude * kDegree;
+  const Vec3 east(-std::sin(lambda), std::cos(lambda), 0);
+  const Vec3 north(-std::sin(phi) * std::cos(lambda), -std::sin(phi) * std::sin(lambda),
+                   std::cos(phi));
+  const double years = (static_cast<double>(std::time(nullptr)) - kUnixSecondsOf2020) / kYear_s;
+  const Vec2 wanted = -years * Vec2(per_year.dot(east), per_year.dot(north));
+  // In the middle of the zone, whose scale is 0.9996.
+  EXPECT_LT((moved.head<2>() - wanted).norm(), 1e-3 * years) << moved.transpose();
+}
+
 std::string refusal(const Gnss& gnss, const std::string& wkt = "") {
   try {
     const Geodetic geodetic(gnss, wkt, kAnywhere);
@@ -325,7 +368,8 @@ TEST(Geodetic, AWayThatIsNotKnownIsRefused) {
   EXPECT_EQ(refusal(gnss_of("EPSG:none")),
             "'site_crs' is 'EPSG:none', no CRS that PROJ knows; it must be a code such as "
             "EPSG:25832+7837");
-  for (const char* unfit : {"EPSG:4326", "EPSG:2263", "EPSG:5513", "EPSG:32618+6360"})
+  for (const char* unfit :
+       {"EPSG:4326", "EPSG:2263", "EPSG:5513", "EPSG:32618+6360", "EPSG:32618+5715"})
     EXPECT_EQ(refusal(gnss_of(unfit)),
               fmt::format("the site's CRS, {}, must be a map's with x east, y north and heights up "
                           "in metres",
@@ -345,6 +389,23 @@ TEST(Geodetic, AWayThatIsNotKnownIsRefused) {
                                          "metres, a file, or one of PROJ's, such as egm96_15.gtx",
                                          none));
   }
+}
+
+TEST(Geodetic, AMapWithHeightsAboveTheEllipsoidNeedsNoGeoid) {
+  const std::string map =
+      R"(PROJCRS["UTM 32 and heights",BASEGEOGCRS["WGS 84",DATUM["World Geodetic System 1984",)"
+      R"(ELLIPSOID["WGS 84",6378137,298.257223563]]],CONVERSION["UTM 32",)"
+      R"(METHOD["Transverse Mercator"],PARAMETER["Latitude of natural origin",0],)"
+      R"(PARAMETER["Longitude of natural origin",9],)"
+      R"(PARAMETER["Scale factor at natural origin",0.9996],PARAMETER["False easting",500000],)"
+      R"(PARAMETER["False northing",0]],CS[Cartesian,3],AXIS["x",east],AXIS["y",north],)"
+      R"(AXIS["h",up],LENGTHUNIT["metre",1]])";
+  const Vec3 at = Geodetic(gnss_of("", std::nullopt), map, kAnywhere).in_site({48, 9.5, 500});
+  EXPECT_LT((at.head<2>() - utm(48, 0.5)).norm(), 1e-5);
+  EXPECT_NEAR(at.z(), 500, 1e-6);
+  EXPECT_EQ(refusal(gnss_of("", 47.1), map),
+            "heights in the site's CRS, UTM 32 and heights, are above the ellipsoid; remove "
+            "'geoid'");
 }
 
 /// PROJ's own choice without these grids would leave out the height of the geoid, or two metres.

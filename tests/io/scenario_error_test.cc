@@ -36,6 +36,12 @@ TEST_F(ScenarioFile, ReceiversThatCantBe) {
   EXPECT_EQ(said("antennas: [[0, 0, 3], [0, 0.2, 1]]"),
             "s.yaml:14: antennas are 0.2 m apart beside each other; for a heading it must be 0.5 m "
             "or more");
+  EXPECT_EQ(said("antennas: [[0, 0, 120]]"),
+            "s.yaml:14: antennas has a place 120 m from the machine's frame; it must be within "
+            "100 m");
+  EXPECT_EQ(said("antennas: [[0, 0, 3], [0, 0.6, 7]]"),
+            "s.yaml:14: antennas are 0.6 m apart beside each other; for a heading it must be "
+            "0.8089 m or more");
   EXPECT_EQ(said("antennas: [[0, 0, 3]], geoid: 470"),
             "s.yaml:14: geoid is 470 m; it must be from -200 to 200 m");
   EXPECT_EQ(said("antennas: [[0, 0, 3]], geod: 1"),

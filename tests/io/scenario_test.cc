@@ -290,5 +290,15 @@ TEST_F(ScenarioFile, LimitsOfAUrdfThatLookLikeDegreesAreWarnedOfOnce) {
             1);
 }
 
+TEST_F(ScenarioFile, AGeoidIsAFileBesideTheScenarioOrOneOfProj) {
+  folder_.write("local.gtx", "");
+  const auto geoid = [&](const std::string& given) {
+    const std::string gnss = "    gnss: {antennas: [[0, 0, 3]], geoid: " + given + "}";
+    return read(with(13, "    motion: m.csv\n" + gnss)).machines[0].gnss->geoid;
+  };
+  EXPECT_EQ(geoid("local.gtx"), (folder_ / "local.gtx").string());
+  EXPECT_EQ(geoid("egm96_15.gtx"), "egm96_15.gtx");
+}
+
 }  // namespace scenario_test
 }  // namespace soilvdb::io

@@ -180,6 +180,73 @@ TEST(Tin, APitHasItsHeightsAndVolume) {
   EXPECT_NEAR(volume_m3, 20.0 * 20 * 5 / 3, 4 * 14.2 / 32 / 32);
 }
 
+TEST(Tin, WindowsAreThePartsOfTheWhole) {
+  const TempFolder folder;
+  std::mt19937 random(5);
+  std::normal_distribution<double> any(0, 0.5);
+  Tin tin = random_tin(6, [&](const Vec2&) { return any(random); });
+  tin.faces.resize(tin.faces.size() / 2);  // and holes between
+  const RasterInput surface = open_raster(folder.write("a.xml", landxml(surface_of(tin))));
+  const std::vector<float> whole = all_of(surface);
+  const auto below = [&](int n) { return static_cast<int>(random() % unsigned(n)); };
+  for (int n = 0; n < 5000; ++n) {
+    const int x0 = below(surface.grid.nx), nx = 1 + below(std::min(4, surface.grid.nx - x0));
+    const int y0 = below(surface.grid.ny), ny = 1 + below(std::min(9, surface.grid.ny - y0));
+    std::vector<float> window(std::size_t(nx) * std::size_t(ny)), wanted;
+    surface.source->read(x0, y0, nx, ny, window.data());
+    for (int j = y0; j < y0 + ny; ++j)
+      for (int i = x0; i < x0 + nx; ++i)
+        wanted.push_back(whole[std::size_t(j) * std::size_t(surface.grid.nx) + std::size_t(i)]);
+    ASSERT_THAT(window, ::testing::Pointwise(::testing::NanSensitiveFloatEq(), wanted));
+  }
+}
+
+TEST(Tin, UnitsAreTheirLengths) {
+  const TempFolder folder;
+  const auto row = [&](const std::string& linear, double unit_m, const std::string& heights,
+                       double height_unit_m) {
+    Tin tin = pyramid({0, 0});
+    for (Vec3& p : tin.points) p.z() *= unit_m / height_unit_m;
+    const RasterInput surface = open_raster(folder.write(
+        "a.xml", landxml(surface_of(tin, "pit", unit_m),
+                         fmt::format("<Units><Metric linearUnit='{}'{}/></Units>", linear,
+                                     heights.empty() ? "" : " elevationUnit='" + heights + "'"))));
+    EXPECT_NEAR(surface.grid.spacing.x(), 1.0 / 32, 1e-9) << linear;
+    std::vector<float> out(std::size_t(surface.grid.nx));
+    surface.source->read(0, 200, surface.grid.nx, 1, out.data());
+    return out;
+  };
+  const std::vector<float> metres = row("meter", 1, "", 1);
+  constexpr double kSurveyFoot_m = 1200.0 / 3937;
+  for (const auto& [name, unit_m] :
+       {std::pair("millimeter", 0.001), std::pair("centimeter", 0.01), std::pair("kilometer", 1e3),
+        std::pair("foot", 0.3048), std::pair("USSurveyFoot", kSurveyFoot_m),
+        std::pair("inch", 0.0254), std::pair("mile", 1609.344)}) {
+    const auto near = ::testing::Pointwise(::testing::FloatNear(2e-6F), metres);
+    EXPECT_THAT(row(name, unit_m, "", unit_m), near) << name;
+    EXPECT_THAT(row("meter", 1, name, unit_m), near) << name;
+    const bool survey = unit_m == kSurveyFoot_m;
+    EXPECT_THAT(row(name, unit_m, "feet", survey ? kSurveyFoot_m : 0.3048), near) << name;
+    EXPECT_THAT(row(name, unit_m, "miles", 1609.344), near) << name;
+  }
+}
+
+TEST(Tin, PostsAreAsNearAsMemoryLetsThem) {
+  const TempFolder folder;
+  constexpr double kMost = 1 << 24;
+  for (const Vec2& size : {Vec2(100, 20), Vec2(20, 2000), Vec2(3000, 3000), Vec2(1e8, 0.5)}) {
+    Tin tin;
+    tin.points = {{0, 0, 1}, {size.x(), 0, 1}, {size.x(), size.y(), 1}};
+    tin.faces = {{0, 1, 2}};
+    const RasterInput surface = open_raster(folder.write("a.xml", landxml(surface_of(tin))));
+    const double posts = double(surface.grid.nx) * surface.grid.ny;
+    const double apart_m = surface.grid.spacing.maxCoeff();
+    EXPECT_LE(posts, kMost);
+    EXPECT_TRUE(posts > kMost / 5 || apart_m <= 1.0 / 32 + 1e-9) << size.transpose();
+    EXPECT_EQ(surface.warnings.size(), apart_m > 1) << size.transpose();
+  }
+}
+
 TEST(Tin, FeetAreMetres) {
   const TempFolder folder;
   const RasterInput metres = open_raster(folder.write("m.xml", landxml(surface_of(pyramid()))));
@@ -266,6 +333,17 @@ TEST(Tin, DoubtfulFacesAreTold) {
   walled.points.emplace_back(walled.points[0] + Vec3(0, 0, 3));
   walled.faces.push_back({0, 1, 5});
   EXPECT_THAT(told(walled), ElementsAre(HasSubstr("a.xml: a face is vertical")));
+  Tin folded = pyramid();  // a face without any area in space, along an edge
+  folded.points.emplace_back((folded.points[0] + folded.points[4]) / 2);
+  folded.faces.push_back({0, 4, 5});
+  EXPECT_THAT(told(folded), IsEmpty());
+  for (const auto& [width_m, count] : {std::pair(0.0005, 0U), std::pair(0.005, 1U)}) {
+    Tin splinter = pyramid();
+    for (const Vec3& p : {Vec3(0, 0, 1), Vec3(2, 0, 1), Vec3(1, width_m, 1)})
+      splinter.points.emplace_back(splinter.points[4] + p);
+    splinter.faces.push_back({5, 6, 7});
+    EXPECT_EQ(told(splinter).size(), count) << width_m;
+  }
   Tin heap = pyramid();
   heap.points.emplace_back(heap.points[4] + Vec3(0, 0, 2));
   heap.faces.push_back({0, 1, 5});
@@ -299,6 +377,26 @@ TEST(Tin, LongFacesSideBySideAreASurface) {
   });
 }
 
+TEST(Tin, AFaceThatIsNearlyVerticalReachesNoFartherThanItsCorners) {
+  const TempFolder folder;
+  Tin tin;
+  tin.points = {{0, 0, 5},        {10, 0, 5},        {10, 10, 5},         {0, 10, 5},
+                {5 + 5e-7, 0, 5}, {5 + 5e-7, 10, 5}, {5 + 3.5e-6, 5, -95}};
+  tin.faces = {{0, 1, 2}, {0, 2, 3}, {4, 5, 6}};
+  for_posts(open_raster(folder.write("a.xml", landxml(surface_of(tin)))),
+            [](const Vec2& at, float z) { ASSERT_NEAR(z, 5, 1e-5) << at.transpose(); });
+}
+
+TEST(Tin, PostsInAGapOfRoundingHaveHeights) {
+  const TempFolder folder;
+  Tin tin;
+  tin.points = {{0, 0, 5},        {5 - 5e-7, 0, 5}, {5 - 5e-7, 10, 5}, {0, 10, 5},
+                {5 + 5e-7, 0, 5}, {10, 0, 5},       {10, 10, 5},       {5 + 5e-7, 10, 5}};
+  tin.faces = {{0, 1, 2}, {0, 2, 3}, {4, 5, 6}, {4, 6, 7}};
+  for_posts(open_raster(folder.write("a.xml", landxml(surface_of(tin)))),
+            [](const Vec2& at, float z) { ASSERT_EQ(z, 5) << at.transpose(); });
+}
+
 TEST(Tin, CornersWithoutAHeightAndFacesFarAwayAreTold) {
   const TempFolder folder;
   const std::string good = landxml(surface_of(pyramid()));
@@ -325,6 +423,24 @@ TEST(Tin, PointsMayHaveTagsWithin) {
   EXPECT_EQ(heights_of(change(good, point, point + "<Feature code='x'/>")), heights_of(good));
   EXPECT_EQ(heights_of(change(good, point, "5400010 <Feature>7</Feature>500010 5")),
             heights_of(good));
+}
+
+TEST(Tin, OtherPartsOfAFileAreNotOfItsSurface) {
+  const TempFolder folder;
+  const std::string good = landxml(surface_of(pyramid()));
+  const std::vector<float> wanted = all_of(open_raster(folder.write("a.xml", good)));
+  const std::string crs = "<CoordinateSystem epsgCode='25832'/>";
+  for (const std::string& text :
+       {change(good, "<Pnts>", "<Watersheds><P id='3'>1 2 3</P></Watersheds><Pnts>"),
+        change(good, "<Surfaces>", "<Monuments>" + crs + "</Monuments><Surfaces>"),
+        change(good, "<F>3 10 31</F>", "<F>\n 3\t10\r\n31\n</F>"),
+        change(change(good, "<LandXML xmlns=", "<a:LandXML xmlns:a="), "</LandXML",
+               "</a:LandXML")}) {
+    const RasterInput surface = open_raster(folder.write("a.xml", text));
+    EXPECT_THAT(surface.warnings, IsEmpty());
+    EXPECT_EQ(surface.crs_wkt, "");
+    EXPECT_EQ(all_of(surface), wanted);
+  }
 }
 
 TEST(Tin, OneOfSeveralSurfacesIsNamed) {
@@ -398,6 +514,8 @@ TEST(Tin, WrongFilesAreRefusedInOneLine) {
               HasSubstr("a.xml:6: point '10' is '5400000 500020'; it must be northing, easting"));
   EXPECT_THAT(said(change(good, "5400000 500020 10", "5400000 nan 10")), HasSubstr("it must be"));
   EXPECT_THAT(said(change(good, "5400010 500010 5", "5400010 500010 200000")),
+              HasSubstr("has heights beyond +-100 km"));
+  EXPECT_THAT(said(change(good, "5400010 500010 5", "5400010 500010 -200000")),
               HasSubstr("has heights beyond +-100 km"));
   EXPECT_THAT(said(change(good, "<?xml version='1.0'?>",
                           "<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]>")),
@@ -570,7 +688,7 @@ TEST(Tin, LayersOfADxfAreNamedInItsEncoding) {
 
 TEST(Tin, WrittenSurfacesAreReadAgain) {
   const TempFolder folder;
-  HeightGrid grid = grid_of(40, 30, {500000.25, 5400000.75}, {0.5, 0.5});
+  HeightGrid grid = grid_of(40, 30, {500000.25, 5400000.75}, {0.5, 0.25});
   std::mt19937 random(4);
   std::normal_distribution<float> any(300, 1);
   std::vector<float> heights(std::size_t(grid.nx) * std::size_t(grid.ny));
@@ -581,14 +699,14 @@ TEST(Tin, WrittenSurfacesAreReadAgain) {
   EXPECT_THAT(surface.warnings, IsEmpty());
   EXPECT_EQ(crs_label(surface.crs_wkt), "EPSG:32617");
   EXPECT_EQ(surface.grid.first, grid.first);
-  const int fine = (surface.grid.nx - 1) / (grid.nx - 1);
-  ASSERT_EQ(surface.grid.nx, 1 + fine * (grid.nx - 1));
-  ASSERT_EQ(surface.grid.ny, 1 + fine * (grid.ny - 1));
+  const int fine_x = 16, fine_y = 8;  // posts 1/32 m apart
+  ASSERT_EQ(surface.grid.nx, 1 + fine_x * (grid.nx - 1));
+  ASSERT_EQ(surface.grid.ny, 1 + fine_y * (grid.ny - 1));
   const std::vector<float> all = all_of(surface);
   for (int j = 0; j < grid.ny; ++j) {
     for (int i = 0; i < grid.nx; ++i) {
       const float z = heights[std::size_t(j * grid.nx + i)];
-      const float again = all[std::size_t(j * fine * surface.grid.nx + i * fine)];
+      const float again = all[std::size_t(j * fine_y * surface.grid.nx + i * fine_x)];
       EXPECT_EQ(std::isnan(z), std::isnan(again));
       if (std::isnan(z)) continue;
       EXPECT_NEAR(z, again, 5e-5);
@@ -596,6 +714,16 @@ TEST(Tin, WrittenSurfacesAreReadAgain) {
   }
   const auto named = read_landxml({folder / "a.xml", "a \"b\" <c> & d"});
   EXPECT_EQ(named.tin.points.size(), heights.size() - 1);
+  // One of the two faces is left of each square with a corner without a height.
+  EXPECT_EQ(named.tin.faces.size(), 2 * 39 * 29 - 4);
+  std::string no_code = kUtm17;
+  no_code.replace(no_code.rfind(",AUTHORITY"), no_code.npos, "]");
+  write_landxml(folder / "a.xml", grid, heights, "a", no_code);
+  EXPECT_EQ(named.epsg, "32617");
+  EXPECT_EQ(read_landxml({folder / "a.xml", ""}).epsg, "");
+  const RasterInput again = open_raster(folder / "a.xml");
+  EXPECT_THAT(again.warnings, IsEmpty());
+  EXPECT_EQ(crs_label(again.crs_wkt), crs_label(no_code));
 }
 
 }  // namespace tin_test
