@@ -63,7 +63,7 @@ std::optional<std::array<double, 3>> three_numbers(std::string_view row) {
   std::size_t count = 0;
   for (std::size_t at = row.find_first_not_of(kWhite); at != row.npos;
        at = row.find_first_not_of(kWhite, at)) {
-    const std::size_t end = std::min(row.find_first_of(kWhite, at), row.size());
+    const std::size_t end = row.find_first_of(kWhite, at);
     const auto value = parse_number(row.substr(at, end - at));
     if (count == all.size() || !value || !(std::abs(*value) <= kMaxNumber)) return std::nullopt;
     all[count++] = *value;
@@ -252,7 +252,7 @@ class LandXmlReader {
     const std::string_view row = text_;
     for (std::size_t at = row.find_first_not_of(kWhite); at != row.npos;
          at = row.find_first_not_of(kWhite, at)) {
-      const std::size_t end = std::min(row.find_first_of(kWhite, at), row.size());
+      const std::size_t end = row.find_first_of(kWhite, at);
       const auto point = ids_.find(std::string(row.substr(at, end - at)));
       if (count < face.size() && point == ids_.end())
         fail(fmt::format("there is no point '{}' of this face",

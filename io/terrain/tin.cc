@@ -55,7 +55,8 @@ double height_at(const Corners& t, const Vec2& at) {
   return height / sum;
 }
 
-/// The part of a row of places that is on a face, from low x to high. @param t turns left
+/// The part of a row of places that is on a face, from low x to high.
+/// @param t turns left @param y within its bounds
 std::pair<double, double> span_at(const Corners& t, double y) {
   double low = -std::numeric_limits<double>::infinity(), high = -low;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -63,7 +64,6 @@ std::pair<double, double> span_at(const Corners& t, double y) {
     const double slack = edge.x() * (y - from.y()) + kOn_m * edge.norm();
     if (edge.y() > 0) high = std::min(high, from.x() + slack / edge.y());
     if (edge.y() < 0) low = std::max(low, from.x() + slack / edge.y());
-    if (edge.y() == 0 && slack < 0) return {0, -1};
   }
   return {low, high};
 }
@@ -213,15 +213,11 @@ class TinHeights final : public HeightSource {
   void add(std::size_t face, std::vector<Entry>& entries) {
     Corners t = corners(static_cast<std::uint32_t>(face));
     const double area = turn(t);
-    double longest = 0, low = t[0].z(), high = low;
-    for (std::size_t k = 0; k < 3; ++k) {
+    double longest = 0;
+    for (std::size_t k = 0; k < 3; ++k)
       longest = std::max(longest, in_plan(t[(k + 1) % 3] - t[k]).norm());
-      low = std::min(low, t[k].z());
-      high = std::max(high, t[k].z());
-    }
     if (std::abs(area) <= kOn_m * longest) {
-      vertical_ += high - low > kRounding_m &&
-                   (t[1] - t[0]).cross(t[2] - t[0]).norm() > kRounding_m * longest;
+      vertical_ += (t[1] - t[0]).cross(t[2] - t[0]).norm() > kRounding_m * longest;
       return;
     }
     area_m2_ += std::abs(area) / 2;
