@@ -209,8 +209,12 @@ def test_a_signal_while_a_large_picture_is_read_ends_the_program(site):
     data = None
     with subprocess.Popen([PROGRAM, "serve", site, "--drape", large, "--out", "stopped", "--port", "0"], cwd=site.parent,
                           stderr=subprocess.PIPE) as reader:
-        files = Path(f"/proc/{reader.pid}/fd")
-        while not any(os.path.realpath(file) == str(large) for file in files.iterdir()):
+        def is_open():
+            try:
+                return any(os.readlink(file) == str(large) for file in Path(f"/proc/{reader.pid}/fd").iterdir())
+            except FileNotFoundError:   # closed meanwhile
+                return False
+        while not is_open():
             assert reader.poll() is None
         reader.terminate()
         assert reader.wait(timeout=60) == -signal.SIGTERM, "it read on, and then stopped as a server does"
