@@ -59,8 +59,8 @@ class Surroundings {
   };
 
   const Column& at(int x, int y) const { return columns_[x * kSide + y]; }
-  /// Of loose soil to a column that lies higher or lower by as much; over a brink, of what is too
-  /// deep there.
+  /// How far soil drops to another column. Over a brink, which it ends at, that is repose and as
+  /// much more as lies there too deep.
   double drop(int x, int y, int dx, int dy) const {
     const Column &from = at(x, y), &to = at(x + dx, y + dy);
     if (!to.open || from.top <= to.top) return 0;
