@@ -382,7 +382,7 @@ inline constexpr double kUprightSpread = 0.4;
 inline constexpr double kLeastWedgeAngle = 1e-3;
 /// Share to which the place where a failure plane comes to the ground is found, and the most steps
 /// for it.
-inline constexpr double kWedgeTolerance = 1e-9;
+inline constexpr double kWedgeTolerance = 1e-6;
 inline constexpr int kMaxWedgeSteps = 40;
 /// Cosine of a blade's rake up to which it counts as upright.
 inline constexpr double kNearlyUpright = 1e-12;

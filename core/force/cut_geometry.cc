@@ -198,11 +198,11 @@ struct CutGeometry::Look {
                  reach = (bucket.height_m + margin) * mouth.squaredNorm();
     const auto is_dug = [&](int j) {
       const double x = x_of(j);
-      return x < margin || (x * mouth.y() - z[j] * mouth.x() < before &&
-                            x * mouth.x() + z[j] * mouth.y() < reach);
+      return (x < margin) | ((x * mouth.y() - z[j] * mouth.x() < before) &
+                             (x * mouth.x() + z[j] * mouth.y() < reach));
     };
-    int from = count;
-    while (from > 0 && !is_dug(from - 1)) --from;
+    int from = 0;
+    for (int j = 0; j < count; ++j) from = is_dug(j) ? j + 1 : from;
     const auto terrain = [&](int j) {
       const Vec2 at = first + (j - behind) * step;
       return ground.terrain().height(at.x(), at.y());

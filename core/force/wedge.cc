@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "core/constants.h"
+#include "core/lattice/affine.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -47,8 +48,9 @@ double ground(const SoilSlice& slice, double x) {
 
 /// The plane face that pushes a wedge: from a toe up to the end of the blade in the soil.
 struct PushingFace {
-  double toe_x, rake, length;
+  double toe_x, rake_rad, length;
   double end_x, end_z;  // from the toe
+  Angle rake;
 };
 
 /// A failure plane comes to the ground at (x, z) from the toe.
@@ -58,62 +60,154 @@ struct TrialPlane {
   bool last = false;  // at the end of the heights
 };
 
+/// What the force of a wedge depends on besides where its failure plane comes to the ground.
+struct WedgeFactors {
+  double unit_weight, surcharge;
+  double cohesive;           // cohesion times the cosine of friction
+  double stuck;              // adhesion of all of the face
+  double end_x;              // of the face
+  Angle phi, rake_phi, all;  // of friction, with the face's rake, and with tool friction, too
+  double weight_share = 0, plane_share = 0;  // of a crescent's radius
+};
+
+/// Where a failure plane may come to the ground: P times `lever` is `resists` there. `flat` and
+/// `rising` times the ground's rise have together the sign of P's change along the ground.
+struct Exit {
+  double x, z, area, crescent, resists, lever, flat, rising;
+
+  double trend(double rise) const { return flat + rising * rise; }
+};
+
+/// @param area of the wedge
+[[gnu::always_inline]] inline Exit exit_at(const WedgeFactors& of, double x, double z,
+                                           double area) {
+  const double r = x - of.end_x, square = x * x + z * z;
+  const double sine = z * of.phi.cosine + x * of.phi.sine;
+  const double lever = x * of.all.sine + z * of.all.cosine;
+  const double crescent = std::sqrt(std::max(0.0, r * r - of.end_x * of.end_x));
+  const double by_x = crescent > 0 ? r / crescent : 0;
+  const double fg = 1 + of.weight_share * crescent, fc = 1 + of.plane_share * crescent;
+  const double heavy = of.unit_weight * fg, sticky = of.cohesive * fc;
+  const double weight = heavy * area + of.surcharge * r * fc;
+  // By x, besides the area's.
+  const double more_weight = of.unit_weight * area * of.weight_share * by_x +
+                             of.surcharge * (fc + of.plane_share * by_x * r);
+  const double more_sticky = of.cohesive * of.plane_share * by_x * square;
+  const double resists =
+      weight * sine + sticky * square - of.stuck * (of.rake_phi.cosine * x - of.rake_phi.sine * z);
+  const double flat = (heavy * z / 2 + more_weight) * sine + weight * of.phi.sine + 2 * sticky * x +
+                      more_sticky - of.stuck * of.rake_phi.cosine;
+  const double rising =
+      weight * of.phi.cosine - heavy * x / 2 * sine + 2 * sticky * z + of.stuck * of.rake_phi.sine;
+  return {x,
+          z,
+          area,
+          crescent,
+          resists,
+          lever,
+          flat * lever - resists * of.all.sine,
+          rising * lever - resists * of.all.cosine};
+}
+
+/// Bends of the ground one after another, and the failure planes that come out there.
+struct Bends {
+  static constexpr std::size_t kAtOnce = 16;
+  using Values = std::array<double, kAtOnce + 1>;
+  Values x, z, below;  // the area of the wedge and of (toe, exit, x axis)
+  Values area, crescent, resists, lever, flat, rising;
+
+  Exit exit(std::size_t k) const {
+    return {x[k], z[k], area[k], crescent[k], resists[k], lever[k], flat[k], rising[k]};
+  }
+};
+
+SOILVDB_FOR_CPUS void find_exits(const WedgeFactors& given, std::size_t count, Bends& bends) {
+  const WedgeFactors of = given;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double x = bends.x[k], z = bends.z[k];
+    const Exit e = exit_at(of, x, z, bends.below[k] - x * z / 2);
+    bends.area[k] = e.area;
+    bends.crescent[k] = e.crescent;
+    bends.resists[k] = e.resists;
+    bends.lever[k] = e.lever;
+    bends.flat[k] = e.flat;
+    bends.rising[k] = e.rising;
+  }
+}
+
 class TrialWedge {
  public:
   TrialWedge(const SoilSlice& slice, const PushingFace& face, const WedgeSoil& soil)
       : slice_(slice),
         face_(face),
         soil_(soil),
-        rake_(face.rake),
         phi_(soil.friction),
-        rake_phi_(rake_ + phi_),
-        rake_delta_(rake_ + Angle(soil.tool_friction)),
-        all_(rake_delta_ + phi_),
-        cohesive_(soil.cohesion * phi_.cosine),
-        stuck_(soil.adhesion * face.length) {
+        rake_delta_(face.rake + Angle(soil.tool_friction)),
+        of_{soil.unit_weight,
+            slice.surcharge,
+            soil.cohesion * phi_.cosine,
+            soil.adhesion * face.length,
+            face.end_x,
+            phi_,
+            face.rake + phi_,
+            rake_delta_ + phi_} {
     if (slice.open_sides > 0) {
-      weight_share_ = slice.open_sides / (3 * slice.width);
-      plane_share_ = slice.open_sides / (2 * slice.width);
+      of_.weight_share = slice.open_sides / (3 * slice.width);
+      of_.plane_share = slice.open_sides / (2 * slice.width);
     }
   }
 
   /// The failure plane of least force. Planes that another part of the ground cuts short end there.
   TrialPlane least() const {
     TrialPlane best;
-    const double kappa = face_.rake + soil_.friction + soil_.tool_friction;
+    const double kappa = face_.rake_rad + soil_.friction + soil_.tool_friction;
     if (kappa >= std::numbers::pi - kLeastWedgeAngle) return best;
     const std::span<const double> z = slice_.heights;
     const double begin = face_.toe_x + face_.end_x;
     const auto first =
         static_cast<std::size_t>(std::clamp(std::floor((begin - slice_.first_x) / slice_.step) + 1,
                                             0.0, static_cast<double>(z.size())));
-    double x0 = face_.end_x, z0 = ground(slice_, begin);
-    double area = face_.end_x * face_.end_z / 2;  // of the wedge plus that of (toe, exit, x axis)
+    Bends bends;
+    bends.x[0] = face_.end_x;
+    bends.z[0] = ground(slice_, begin);
+    // Of the wedge plus that of (toe, exit, x axis).
+    bends.below[0] = face_.end_x * face_.end_z / 2;
     double steepest = std::numeric_limits<double>::infinity();
-    std::array<Exit, 2> bends;  // of this piece and the one before
-    for (std::size_t i = first; i < z.size(); ++i) {
-      const double x1 = slice_.first_x + static_cast<double>(i) * slice_.step - face_.toe_x;
-      const double z1 = z[i];
-      if (x1 > 0 && z1 < steepest * x1) {
-        try_piece({x0, z0, x1, z1, (z1 - z0) / (x1 - x0), area, i + 1 == z.size()}, steepest,
-                  bends[i % 2], bends[(i + 1) % 2], best);
-        steepest = std::min(steepest, z1 / x1);
+    for (std::size_t i = first; i < z.size();) {
+      const std::size_t count = std::min(Bends::kAtOnce, z.size() - i);
+      for (std::size_t k = 0; k < count; ++k) {
+        const double x0 = bends.x[k], z0 = bends.z[k];
+        const double x1 = slice_.first_x + static_cast<double>(i + k) * slice_.step - face_.toe_x;
+        const double z1 = z[i + k];
+        bends.x[k + 1] = x1;
+        bends.z[k + 1] = z1;
+        bends.below[k + 1] = bends.below[k] + (z0 + z1) / 2 * (x1 - x0);
       }
-      area += (z0 + z1) / 2 * (x1 - x0);
-      x0 = x1;
-      z0 = z1;
-      if (x1 > 0 && (z1 <= 0 || is_less_than_beyond(best.p, x1, area - x1 * z1 / 2,
-                                                    bends[(i + 1) % 2].crescent)))
-        break;
+      find_exits(of_, count + 1, bends);
+      for (std::size_t k = 1; k <= count; ++k) {
+        const double x1 = bends.x[k], z1 = bends.z[k];
+        if (x1 > 0 && z1 < steepest * x1) {
+          try_piece(bends, k, steepest, i + k == z.size(), best);
+          steepest = std::min(steepest, z1 / x1);
+        }
+        if (x1 > 0 &&
+            (z1 <= 0 || is_less_than_beyond(best.p, x1, bends.area[k], bends.crescent[k])))
+          return best;
+      }
+      bends.x[0] = bends.x[count];
+      bends.z[0] = bends.z[count];
+      bends.below[0] = bends.below[count];
+      i += count;
     }
     return best;
   }
 
   WedgeForce force(const TrialPlane& at) const {
-    const double length = std::hypot(at.x, at.z);
-    const double fg = 1 + weight_share_ * at.crescent, fc = 1 + plane_share_ * at.crescent;
+    const double length = std::sqrt(at.x * at.x + at.z * at.z);
+    const double fg = 1 + of_.weight_share * at.crescent, fc = 1 + of_.plane_share * at.crescent;
     const Angle beta(at.z / length, at.x / length);
-    const Angle beta_all = beta + all_, beta_phi = beta + phi_, beta_rake_phi = beta + rake_phi_;
+    const Angle beta_all = beta + of_.all, beta_phi = beta + phi_,
+                beta_rake_phi = beta + of_.rake_phi;
     const double cotangent = beta_all.cosine / beta_all.sine;
     const double by_weight = fg * at.area * beta_phi.sine / beta_all.sine;
     const double by_cohesion = fc * length * phi_.cosine / beta_all.sine;
@@ -122,7 +216,7 @@ class TrialWedge {
         soil_.unit_weight * fg * at.area + slice_.surcharge * fc * (at.x - face_.end_x);
     const double p = at.p;
     const double by_friction = (load * beta_phi.cosine - soil_.cohesion * fc * length * phi_.sine +
-                                stuck_ * beta_rake_phi.sine) /
+                                of_.stuck * beta_rake_phi.sine) /
                                    beta_all.sine -
                                p * cotangent;
     const double by_tool_friction = -p * cotangent;
@@ -130,13 +224,13 @@ class TrialWedge {
                                                      by_tool_friction, by_adhesion};
     WedgeForce force;
     const double along = rake_delta_.sine, upward = rake_delta_.cosine;
-    force.ahead = p * along + stuck_ * rake_.cosine;
-    force.up = p * upward - stuck_ * rake_.sine;
+    force.ahead = p * along + of_.stuck * face_.rake.cosine;
+    force.up = p * upward - of_.stuck * face_.rake.sine;
     if (p > 0) {
       const double side = ((soil_.unit_weight * (fg - 1) * at.area +
                             slice_.surcharge * (fc - 1) * (at.x - face_.end_x)) *
                                beta_phi.sine +
-                           cohesive_ * (fc - 1) * length) /
+                           of_.cohesive * (fc - 1) * length) /
                           beta_all.sine;
       force.side_ahead = side * along;
       force.side_up = side * upward;
@@ -147,8 +241,8 @@ class TrialWedge {
     }
     force.d_ahead[3] += p * upward;
     force.d_up[3] -= p * along;
-    force.d_ahead[4] += face_.length * rake_.cosine;
-    force.d_up[4] -= face_.length * rake_.sine;
+    force.d_ahead[4] += face_.length * face_.rake.cosine;
+    force.d_up[4] -= face_.length * face_.rake.sine;
     force.failure = std::atan2(at.z, at.x);
     const double weight = soil_.unit_weight * by_weight;
     // The weight's pressure grows with depth below the ground, from the face's end down to the toe.
@@ -163,95 +257,46 @@ class TrialWedge {
   }
 
  private:
-  /// A straight piece of ground.
-  struct Piece {
-    double x0, z0, x1, z1, rise;
-    double area;  // as in least(), up to x0
-    bool last;
-  };
-  /// Where a failure plane may come to the ground: P times `lever` is `resists` there. `flat` and
-  /// `rising` times the ground's rise have together the sign of P's change along the ground.
-  struct Exit {
-    double x = std::numeric_limits<double>::quiet_NaN(), z = 0, area = 0, crescent = 0;
-    double resists = 0, lever = 0, flat = 0, rising = 0;
-
-    double trend(double rise) const { return flat + rising * rise; }
-  };
-
-  Exit exit(const Piece& piece, double x) const {
-    const double z = x == piece.x1 ? piece.z1 : piece.z0 + piece.rise * (x - piece.x0);
-    const double area = piece.area + (piece.z0 + z) / 2 * (x - piece.x0) - x * z / 2;
-    const double r = x - face_.end_x, square = x * x + z * z;
-    const double sine = z * phi_.cosine + x * phi_.sine, lever = x * all_.sine + z * all_.cosine;
-    const double q = slice_.surcharge;
-    double heavy = soil_.unit_weight, sticky = cohesive_, pressed = q * r, crescent = 0;
-    double more_weight = q, more_sticky = 0;  // by x, besides the area's
-    if (slice_.open_sides > 0) {
-      crescent = std::sqrt(std::max(0.0, r * r - face_.end_x * face_.end_x));
-      const double fg = 1 + weight_share_ * crescent, fc = 1 + plane_share_ * crescent;
-      const double by_x = crescent > 0 ? r / crescent : 0;
-      more_weight = heavy * area * weight_share_ * by_x + q * (fc + plane_share_ * by_x * r);
-      more_sticky = sticky * plane_share_ * by_x * square;
-      heavy *= fg;
-      sticky *= fc;
-      pressed *= fc;
-    }
-    const double weight = heavy * area + pressed;
-    const double resists =
-        weight * sine + sticky * square - stuck_ * (rake_phi_.cosine * x - rake_phi_.sine * z);
-    const double flat = (heavy * z / 2 + more_weight) * sine + weight * phi_.sine + 2 * sticky * x +
-                        more_sticky - stuck_ * rake_phi_.cosine;
-    const double rising =
-        weight * phi_.cosine - heavy * x / 2 * sine + 2 * sticky * z + stuck_ * rake_phi_.sine;
-    return {x,
-            z,
-            area,
-            crescent,
-            resists,
-            lever,
-            flat * lever - resists * all_.sine,
-            rising * lever - resists * all_.cosine};
-  }
-
   void try_exit(const Exit& e, bool last, TrialPlane& best) const {
     const double resists = std::max(0.0, e.resists);
     if (e.lever > 0 && resists < best.p * e.lever)
       best = {resists / e.lever, e.x, e.z, e.area, e.crescent, last};
   }
 
-  /// @param before the end of the piece before, if that was tried @param end becomes that of this
-  void try_piece(const Piece& piece, double steepest, const Exit& before, Exit& end,
+  /// The straight piece of ground that ends at a bend.
+  void try_piece(const Bends& bends, std::size_t k, double steepest, bool last,
                  TrialPlane& best) const {
-    double low = std::max(piece.x0, 0.0), high = piece.x1;
-    const double m = piece.rise;
+    const double x0 = bends.x[k - 1], z0 = bends.z[k - 1], x1 = bends.x[k], z1 = bends.z[k];
+    const double m = (z1 - z0) / (x1 - x0);
+    const auto exit = [&](double x) {
+      const double z = z0 + m * (x - x0);
+      return exit_at(of_, x, z, bends.below[k - 1] + (z0 + z) / 2 * (x - x0) - x * z / 2);
+    };
+    double low = std::max(x0, 0.0), high = x1;
     // Where the piece comes into sight from the toe.
-    if (steepest < std::numeric_limits<double>::infinity() &&
-        piece.z0 + m * (low - piece.x0) > steepest * low)
-      low = std::clamp((piece.z0 - m * piece.x0) / (steepest - m), low, high);
-    if (piece.z1 < 0) high = std::clamp(piece.x0 - piece.z0 / m, low, high);
-    end = exit(piece, high);
-    Exit other;
-    const Exit* begin = low == before.x ? &before : &(other = exit(piece, low));
+    if (steepest < std::numeric_limits<double>::infinity() && z0 + m * (low - x0) > steepest * low)
+      low = std::clamp((z0 - m * x0) / (steepest - m), low, high);
+    if (z1 < 0) high = std::clamp(x0 - z0 / m, low, high);
+    Exit begin = low == x0 ? bends.exit(k - 1) : exit(low);
+    const Exit end = high == x1 ? bends.exit(k) : exit(high);
     // Steeper planes than this can't slide.
-    if (begin->lever <= 0) {
+    if (begin.lever <= 0) {
       if (end.lever <= 0) return;
-      low += -begin->lever / (all_.sine + m * all_.cosine) * (1 + kWedgeTolerance);
-      begin = &(other = exit(piece, low));
+      low += -begin.lever / (of_.all.sine + m * of_.all.cosine) * (1 + kWedgeTolerance);
+      begin = exit(low);
     }
     if (!(low < high)) return;
-    const bool last = piece.last && high == piece.x1;
-    double down = begin->trend(m), up = end.trend(m);
-    if (!(down < 0 && up > 0)) {
-      try_exit(*begin, false, best);
-      try_exit(end, last, best);
-      return;
-    }
-    try_exit(*begin, false, best);  // where crescents begin, P has no derivative
+    last = last && high == x1;
+    try_exit(begin, false, best);  // where crescents begin, P has no derivative
+    double down = begin.trend(m), up = end.trend(m);
+    if (!(down < 0 && up > 0)) return try_exit(end, last, best);
     // The root by false position; the end that stays counts half (Illinois).
+    Exit other = begin;
     for (int n = 0, side = 0; n < kMaxWedgeSteps; ++n) {
-      other = exit(piece, (low * up - high * down) / (up - down));
+      const double before = other.x;
+      other = exit((low * up - high * down) / (up - down));
       const double at = other.trend(m);
-      if (at == 0 || high - low < kWedgeTolerance * high) break;
+      if (at == 0 || std::abs(other.x - before) < kWedgeTolerance * high) break;
       if (at < 0) {
         low = other.x;
         down = at;
@@ -264,25 +309,23 @@ class TrialWedge {
         side = 1;
       }
     }
-    try_exit(other, last && other.x == piece.x1, best);
+    try_exit(other, last && other.x == x1, best);
   }
 
   /// No plane that comes to the ground beyond x needs as little as p. `area` is of the wedge up to
   /// there, the crescent's radius of that or a nearer plane. The quotients of sines grow with beta,
   /// so they are least at 0.
   bool is_less_than_beyond(double p, double x, double area, double crescent) const {
-    const double fg = 1 + weight_share_ * crescent, fc = 1 + plane_share_ * crescent;
-    return soil_.unit_weight * fg * area * phi_.sine - stuck_ * rake_phi_.cosine >
-           (p - cohesive_ * fc * x) * all_.sine;
+    const double fg = 1 + of_.weight_share * crescent, fc = 1 + of_.plane_share * crescent;
+    return soil_.unit_weight * fg * area * phi_.sine - of_.stuck * of_.rake_phi.cosine >
+           (p - of_.cohesive * fc * x) * of_.all.sine;
   }
 
   const SoilSlice& slice_;
   PushingFace face_;
   WedgeSoil soil_;
-  Angle rake_, phi_, rake_phi_, rake_delta_, all_;  // of face, friction and tool friction
-  double cohesive_;                                 // cohesion times the cosine of friction
-  double stuck_;                                    // adhesion of all of the face
-  double weight_share_ = 0, plane_share_ = 0;
+  Angle phi_, rake_delta_;  // of friction, of rake and tool friction
+  WedgeFactors of_;
 };
 
 /// Length of the blade up to where it comes out of the ground.
@@ -307,8 +350,9 @@ double length_in_soil(const SoilSlice& slice, const Angle& rake) {
 /// A body of soil rides before the blade; its face has this angle.
 WedgeForce with_body(const SoilSlice& slice, const WedgeSoil& soil, double end_x, double end_z,
                      double angle) {
-  const double toe = end_x + end_z / std::tan(angle);
-  const PushingFace face{toe, angle, end_z / std::sin(angle), end_x - toe, end_z};
+  const Angle rake(angle);
+  const double toe = end_x + end_z * rake.cosine / rake.sine;
+  const PushingFace face{toe, angle, end_z / rake.sine, end_x - toe, end_z, rake};
   WedgeSoil inside = soil;
   inside.tool_friction = soil.friction;
   inside.adhesion = soil.cohesion;
@@ -413,7 +457,7 @@ WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess&
   const Angle rake(slice.rake);
   const double length = length_in_soil(slice, rake);
   const double end_x = -length * rake.cosine, end_z = length * rake.sine;
-  const TrialWedge wedge(slice, {0, slice.rake, length, end_x, end_z}, soil);
+  const TrialWedge wedge(slice, {0, slice.rake, length, end_x, end_z, rake}, soil);
   const TrialPlane exit = wedge.least();
   if (exit.p < kNoForce) force = wedge.force(exit);
   const double all = slice.rake + soil.friction + soil.tool_friction;

@@ -117,10 +117,12 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
 
 namespace {
 
-/// Columns::between() at the places of a line, but NaN where one of four columns has no ground.
-/// Places are rounded as the corners of what was read: none may be outside.
-SOILVDB_FOR_CPUS void read_line(const HeightReader::Columns& columns, const Vec2& first,
-                                const Vec2& along, const Vec2& aside, std::span<double> out) {
+/// Columns::between() at the places of a line, in m, but NaN where one of four columns has no
+/// ground. Places are rounded as the corners of what was read: none may be outside.
+/// @return is there such a column?
+SOILVDB_FOR_CPUS bool read_line(const HeightReader::Columns& columns, const Vec2& first,
+                                const Vec2& along, const Vec2& aside, double level, double h,
+                                std::span<double> out) {
   const double x0 = first.x(), y0 = first.y(), x_step = along.x(), y_step = along.y();
   const double x_aside = aside.x(), y_aside = aside.y();
   const int row = columns.size.y(), count = static_cast<int>(out.size());
@@ -129,6 +131,7 @@ SOILVDB_FOR_CPUS void read_line(const HeightReader::Columns& columns, const Vec2
   constexpr int kAtOnce = 64;
   std::array<double, kAtOnce> u, v, heights;
   std::array<int, kAtOnce> places;
+  int unknown = 0;
   for (int begin = 0; begin < count; begin += kAtOnce) {
     const int n = std::min(kAtOnce, count - begin);
     for (int k = 0; k < n; ++k) {
@@ -142,10 +145,12 @@ SOILVDB_FOR_CPUS void read_line(const HeightReader::Columns& columns, const Vec2
     for (int k = 0; k < n; ++k) {
       const double a = near[places[k]] + v[k] * (near[places[k] + 1] - near[places[k]]);
       const double b = far[places[k]] + v[k] * (far[places[k] + 1] - far[places[k]]);
-      heights[k] = a + u[k] * (b - a);
+      heights[k] = level + h * (a + u[k] * (b - a));
+      unknown += heights[k] != heights[k];
     }
     std::copy_n(heights.begin(), n, out.begin() + begin);
   }
+  return unknown > 0;
 }
 
 }  // namespace
@@ -176,11 +181,10 @@ void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const
     const Vec2 aside = k * across;
     const auto length = static_cast<std::size_t>(count);
     const std::span<double> out = heights_m.subspan(static_cast<std::size_t>(k) * length, length);
-    read_line(columns, first, along, aside, out);
+    if (!read_line(columns, first, along, aside, level, h, out)) continue;
     for (int i = 0; i < count; ++i) {
       double& z = out[static_cast<std::size_t>(i)];
-      if (std::isnan(z)) z = columns.between(first + i * along + aside);
-      z = level + h * z;
+      if (std::isnan(z)) z = level + h * columns.between(first + i * along + aside);
     }
   }
 }
