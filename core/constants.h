@@ -387,14 +387,17 @@ inline constexpr int kMaxWedgeSteps = 40;
 /// Cosine of a blade's rake up to which it counts as upright.
 inline constexpr double kNearlyUpright = 1e-12;
 /// Flattest face of a body of soil before a steep blade, rad: Miedema finds none flatter. Precision
-/// of the angle.
-inline constexpr double kFlattestBody = 0.35, kBodyAngleTolerance = 5e-4;
+/// of the angle that is searched for, and the step by which it is then found by differences.
+inline constexpr double kFlattestBody = 0.35, kBodyAngleTolerance = 1e-3, kBodyAngleStep = 3e-3;
 /// Faces tried after which a body whose force is so many times that without one is given up.
 inline constexpr int kBodyTrials = 3;
 inline constexpr double kHopelessBody = 1.2;
 /// Largest difference between the angles of two slices' bodies beside each other, rad; else both
 /// are looked for from nothing.
 inline constexpr double kBodyGuessError = 0.03;
+/// Share of the lip's depth that a blade may end below the ground before its force counts as too
+/// low.
+inline constexpr double kBuriedShare = 0.1;
 /// Sum of rake, friction and tool friction up to which no body is looked for, rad. One needs less
 /// force there only before a blade that is all in soil with hardly any friction.
 inline constexpr double kLeastAngleWithBody = 1.8;

@@ -159,7 +159,6 @@ struct CutGeometry::Look {
   /// Where faces press on the ground, while the heights are those of the ground itself: where it
   /// was dug and lies at the face.
   void find_contacts() {
-    if (of.lip_share_ <= 0) return;
     each_pressing_face([&](const Face& face) {
       const double length = face.along.norm();
       const double share =
@@ -279,7 +278,8 @@ struct CutGeometry::Look {
 };
 
 void CutGeometry::read(HeightMap& map, const Ground& ground, const Bucket& bucket,
-                       const Pose& world_from_bucket, const Vec3& way, double load_m3) {
+                       const Pose& world_from_bucket, const Vec3& way, double load_m3,
+                       double swell) {
   if (bucket.shape)
     throw std::invalid_argument("a closed tool has no blade; only a bucket's resistance is known");
   CutGeometry old = std::exchange(*this, {});  // but for its storage
@@ -299,7 +299,8 @@ void CutGeometry::read(HeightMap& map, const Ground& ground, const Bucket& bucke
   const Eigen::Matrix3d axes = pose_.rotation.toRotationMatrix();
   load_at_ = axes.col(2) * (bucket.height_m / 2);
   if (!bucket.profile.empty() && load_m3 > 0) {
-    const Vec2 centre = load_centre(bucket.profile, {axes(2, 0), axes(2, 2)}, load_m3 / width_m_);
+    const Vec2 centre =
+        load_centre(bucket.profile, {axes(2, 0), axes(2, 2)}, (1 + swell) * load_m3 / width_m_);
     load_at_ = axes.col(0) * centre.x() + axes.col(2) * centre.y();
   }
   const Vec2 flat = axes.col(1).head<2>();

@@ -70,6 +70,8 @@ std::string Resistance::limited() const {
   add(pressed, "heel");
   add(open, "ground ends ahead");
   add(stuck, "no failure plane");
+  add(lifts, "lifts");
+  add(buried, "blade below ground");
   add(rolled, "rolled over");
   return why;
 }
@@ -142,6 +144,7 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       all.steep = all.steep || wedge.steep;
       all.open = all.open || wedge.open;
       all.stuck = all.stuck || wedge.stuck;
+      all.buried = all.buried || wedge.buried;
     } else {
       const double at =
           std::clamp(-strip.first_x / step_m_, 0.0, static_cast<double>(heights.size() - 1));
@@ -156,7 +159,10 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
                    across_lip);
     }
   }
-  if (by_force > 0) all.angle_rad /= by_force;
+  if (by_force > 0) {
+    all.angle_rad /= by_force;
+    all.lifts = std::atan2(way_.z(), way_.dot(ahead_)) > all.angle_rad;
+  }
   if (plates_m2_ > 0)
     add_pressure(all.edge, {factors, soil, all.depth_m / 2, plate_m_}, plates_share_ * plates_m2_,
                  plates_at_, pose_.rotation * Vec3::UnitX());

@@ -347,16 +347,23 @@ double length_in_soil(const SoilSlice& slice, const Angle& rake) {
   return slice.face;
 }
 
-/// A body of soil rides before the blade; its face has this angle.
-WedgeForce with_body(const SoilSlice& slice, const WedgeSoil& soil, double end_x, double end_z,
-                     double angle) {
+/// A blade in a slice, and the soil.
+struct Cut {
+  const SoilSlice& slice;
+  const WedgeSoil& soil;
+  double end_x, end_z;  // of the blade in the soil
+};
+
+/// A body of soil rides before the blade; its face has this angle. Without what it presses on the
+/// ground.
+WedgeForce body_before(const Cut& cut, double angle) {
   const Angle rake(angle);
-  const double toe = end_x + end_z * rake.cosine / rake.sine;
-  const PushingFace face{toe, angle, end_z / rake.sine, end_x - toe, end_z, rake};
-  WedgeSoil inside = soil;
-  inside.tool_friction = soil.friction;
-  inside.adhesion = soil.cohesion;
-  const TrialWedge wedge(slice, face, inside);
+  const double toe = cut.end_x + cut.end_z * rake.cosine / rake.sine;
+  const PushingFace face{toe, angle, cut.end_z / rake.sine, cut.end_x - toe, cut.end_z, rake};
+  WedgeSoil inside = cut.soil;
+  inside.tool_friction = cut.soil.friction;
+  inside.adhesion = cut.soil.cohesion;
+  const TrialWedge wedge(cut.slice, face, inside);
   const TrialPlane exit = wedge.least();
   WedgeForce force;
   if (exit.p == kNoForce) {
@@ -370,29 +377,82 @@ WedgeForce with_body(const SoilSlice& slice, const WedgeSoil& soil, double end_x
     (*by)[1] += std::exchange((*by)[4], 0);
     (*by)[2] += std::exchange((*by)[3], 0);
   }
-  const double area = end_z * toe / 2, tangent = std::tan(soil.friction);
-  force.up += soil.unit_weight * area;
+  const double area = cut.end_z * toe / 2;
+  force.up += cut.soil.unit_weight * area;
   force.d_up[0] += area;
-  force.ahead += soil.cohesion * toe;
+  force.ahead += cut.soil.cohesion * toe;
   force.d_ahead[1] += toe;
-  if (force.up > 0) {  // it presses on the ground
-    force.ahead += force.up * tangent;
-    force.side_ahead += force.side_up * tangent;
-    for (std::size_t i = 0; i < force.d_up.size(); ++i) force.d_ahead[i] += tangent * force.d_up[i];
-    force.d_ahead[2] += force.up * (1 + tangent * tangent);
-    force.up = force.side_up = 0;
-    force.d_up.fill(0);
-  }
   force.steep = true;
+  return force;
+}
+
+/// Of each newton up, so much acts ahead, and the rest on the ground. @param share by friction
+void put_on_ground(WedgeForce& force, double share) {
+  force.ahead += force.up * share;
+  force.side_ahead += force.side_up * share;
+  for (std::size_t i = 0; i < force.d_up.size(); ++i) force.d_ahead[i] += share * force.d_up[i];
+  force.d_ahead[2] += force.up * (1 + share * share);
+  force.up = force.side_up = 0;
+  force.d_up.fill(0);
+}
+
+WedgeForce with_body(const Cut& cut, double angle) {
+  WedgeForce force = body_before(cut, angle);
+  if (force.up > 0) put_on_ground(force, std::tan(cut.soil.friction));
+  return force;
+}
+
+/// The body of least force whose angle is nearly known, with derivatives. It presses on the ground,
+/// is lifted off it, or is about to be lifted: then the angle is where it presses no more.
+WedgeForce body_near(const Cut& cut, double angle, double steepest) {
+  const double low = angle - kBodyAngleStep, high = angle + kBodyAngleStep;
+  const bool is_flattest = low < kFlattestBody;
+  if (is_flattest || high > steepest) {  // the least may be the last that is tried
+    const WedgeForce there = with_body(cut, angle);
+    const WedgeForce last = with_body(cut, is_flattest ? kFlattestBody : steepest);
+    return last.ahead < there.ahead ? last : there;
+  }
+  const WedgeForce flat = body_before(cut, low), steep = body_before(cut, high);
+  if (flat.ahead == kNoForce || steep.ahead == kNoForce) return with_body(cut, angle);
+  const double tangent = std::tan(cut.soil.friction), width = 2 * kBodyAngleStep;
+  if ((flat.up < 0) != (steep.up < 0)) {
+    const double to = width * flat.up / (flat.up - steep.up), rest = width - to;
+    WedgeForce force = body_before(cut, low + to);
+    const auto slope = [&](double WedgeForce::*of) {
+      return ((steep.*of - force.*of) * to / rest + (force.*of - flat.*of) * rest / to) / width;
+    };
+    // The multiplier of "it does not press": of force up for force ahead as the angle changes.
+    const double share = -slope(&WedgeForce::ahead) / slope(&WedgeForce::up);
+    if (share >= 0 && share <= tangent) {
+      force.up = 0;
+      put_on_ground(force, share);
+      return force;
+    }
+    return with_body(cut, angle);
+  }
+  const WedgeForce middle = with_body(cut, angle);
+  const bool presses = flat.up > 0;
+  const auto ahead = [&](const WedgeForce& of) {
+    return of.ahead + (presses ? tangent * of.up : 0);
+  };
+  const double slope = (ahead(steep) - ahead(flat)) / width;
+  const double bend = (ahead(steep) - 2 * middle.ahead + ahead(flat)) / (width * width / 4);
+  if (!(bend > 0)) return middle;
+  WedgeForce force =
+      with_body(cut, angle - std::clamp(slope / bend, -kBodyAngleStep, kBodyAngleStep));
+  if (presses) return force;
+  // The angle changes with the soil; that leaves the least force ahead alone.
+  for (std::size_t i = 0; i < force.d_up.size(); ++i)
+    force.d_up[i] -=
+        (steep.up - flat.up) / width * (steep.d_ahead[i] - flat.d_ahead[i]) / width / bend;
   return force;
 }
 
 /// The body of least force, by Brent's method (Algorithms for Minimization without Derivatives,
 /// 1973). Gives up once that is certainly far more than `direct`.
-WedgeForce least_body(const SoilSlice& slice, const WedgeSoil& soil, double end_x, double end_z,
-                      double direct, BodyGuess& guess) {
+WedgeForce least_body(const Cut& cut, double direct, BodyGuess& guess) {
   constexpr double kGolden = 0.3819660112501051;
-  const double steepest = std::min(slice.rake, std::numbers::pi / 2);
+  const double steepest = std::min(cut.slice.rake, std::numbers::pi / 2);
   const bool guessed = guess.angle > kFlattestBody && guess.angle < steepest;
   double low = kFlattestBody, high = steepest;
   if (guessed) {
@@ -402,7 +462,7 @@ WedgeForce least_body(const SoilSlice& slice, const WedgeSoil& soil, double end_
   // The best angle, the next best, and the one before.
   double x = guessed ? guess.angle : low + kGolden * (high - low), w = x, v = x;
   double step = 0, before = 0;
-  WedgeForce best = with_body(slice, soil, end_x, end_z, x);
+  WedgeForce best = with_body(cut, x);
   double of_w = best.ahead, of_v = best.ahead;
   for (int n = 0; n < kMaxWedgeSteps; ++n) {
     const double middle = (low + high) / 2;
@@ -423,7 +483,7 @@ WedgeForce least_body(const SoilSlice& slice, const WedgeSoil& soil, double end_
     }
     if (std::abs(step) < kBodyAngleTolerance) step = std::copysign(kBodyAngleTolerance, step);
     const double u = x + step;
-    const WedgeForce force = with_body(slice, soil, end_x, end_z, u);
+    const WedgeForce force = with_body(cut, u);
     if (force.ahead <= best.ahead) {
       (u < x ? high : low) = x;
       v = std::exchange(w, std::exchange(x, u));
@@ -442,9 +502,9 @@ WedgeForce least_body(const SoilSlice& slice, const WedgeSoil& soil, double end_
   }
   const bool outside = guessed && std::abs(x - guess.angle) > 0.9 * kBodyGuessError;
   guess.angle = x;
-  if (!outside) return best;
+  if (!outside) return best.ahead < direct ? body_near(cut, x, steepest) : best;
   guess.angle = 0;
-  return least_body(slice, soil, end_x, end_z, direct, guess);
+  return least_body(cut, direct, guess);
 }
 
 }  // namespace
@@ -463,13 +523,14 @@ WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess&
   const double all = slice.rake + soil.friction + soil.tool_friction;
   if (all > kLeastAngleWithBody && !guess.hopeless) {
     const double direct = exit.p < kNoForce ? force.ahead : kNoForce;
-    WedgeForce body = least_body(slice, soil, end_x, end_z, direct, guess);
+    WedgeForce body = least_body({slice, soil, end_x, end_z}, direct, guess);
     if (body.ahead < direct) {
       body.arm *= length;
       force = body;
     }
   }
   force.depth = depth;
+  force.buried = ground(slice, end_x) - end_z > kBuriedShare * depth;
   force.stuck = exit.p == kNoForce && !force.steep;
   if (end_x < 0) {
     // Between the blade and the ground above it.

@@ -23,9 +23,9 @@ inline constexpr int kWedgeParameters = 5;
 struct SoilSlice {
   double first_x = 0, step = 0;     ///< places of the heights; between them the ground is straight
   std::span<const double> heights;  ///< of the ground, at least two
-  double rake = 0;                  ///< angle between the blade and the way ahead, rad, in (0, pi)
-  double face = 0;                  ///< length of the blade, m
-  double surcharge = 0;             ///< pressure on the ground, Pa
+  double rake = 0;       ///< angle between the blade and the level behind the lip, rad, in (0, pi)
+  double face = 0;       ///< length of the blade, m
+  double surcharge = 0;  ///< pressure on the ground, Pa
   /// Soil beside the wedge moves with it on so many sides, 0 to 2, of a blade of this width, m.
   double open_sides = 0;
   double width = 0;
@@ -42,6 +42,7 @@ struct WedgeForce {
   double above_x = 0;                  ///< place of its centroid, m
   bool steep = false;                  ///< a body of soil rides in front of a steep blade
   bool open = false;                   ///< the wedge ends where the heights do
+  bool buried = false;                 ///< the blade ends below the ground
   bool stuck = false;  ///< no plane lets the soil fail; the force is then 0 in place of infinite
   std::array<double, kWedgeParameters> d_ahead{}, d_up{};  ///< derivatives by WedgeSoil's members
 };
@@ -58,9 +59,8 @@ struct BodyGuess {
 /// McKyes and Ali 1977. In front of a steep blade soil may ride as a body (Miedema, The Delft Sand,
 /// Clay and Rock Cutting Model); the lesser force counts.
 ///
-/// Guarantees: exact on the given ground but for rounding, a body within 1e-6. Derivatives are
-/// exact without a body; with one those of `ahead`, but they err by up to a tenth where the body is
-/// about to be lifted off the ground. Zero where no soil is ahead. Does not allocate.
+/// Guarantees: exact on the given ground but for rounding, a body within 1e-6; so are derivatives,
+/// with a body within 1e-4. Zero where no soil is ahead. Does not allocate.
 /// @param guess from a slice beside it; saves most of the time for a steep blade
 WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess& guess) noexcept;
 inline WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil) noexcept {

@@ -179,7 +179,8 @@ void Site::cut_geometry(std::size_t machine, HeightMap& map, CutGeometry& out) c
   const std::optional<Input>& last = inputs_[machine];
   if (!last) throw std::invalid_argument(name(machine) + " meets no soil before its first state");
   out.read(map, *ground_, model_->machines[machine].bucket, last->pose, last->direction,
-           tracker_->ledger(machine).bank_m3());
+           tracker_->ledger(machine).bank_m3(),
+           model_->earthmoving.soil ? model_->earthmoving.soil->swell : 0);
 }
 
 CutGeometry Site::cut_geometry(std::size_t machine, HeightMap& map) const {

@@ -124,6 +124,8 @@ void Bucket::validate() const {
     if (!(thickness_m >= 0 && thickness_m <= height_m))
       refuse(std::string(name) + " is " + text(thickness_m) +
              " m; it must be a thickness from 0 to the bucket's height");
+  if (plate_m > 0 && profile.empty())
+    refuse("plate is there without a profile, so no side plate is known; give the profile");
   if (dump_angle_rad && !(*dump_angle_rad >= 0 && *dump_angle_rad <= 1.5708)) {
     refuse("dump_angle is " + text(*dump_angle_rad) +
            " rad; it must be from 0 to 1.5708 (the mouth looks straight down)");

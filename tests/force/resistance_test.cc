@@ -11,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <numbers>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -375,6 +376,76 @@ TEST(Resistance, NeverLiftsTheBucketByItsLoad) {
   const double above = 1.2 * 0.3 * 0.3 / 2;
   EXPECT_NEAR(load(above / 10), 0, 1e-6);
   EXPECT_NEAR(load(above * 2), -18e3 * above, 0.02 * 18e3 * above);
+}
+
+/// A body without a heel's face that looks down presses by whichever looks along the way: when the
+/// curled bucket tamps, and when it drags back. No attitude is skipped.
+TEST(Resistance, PressesWhicheverWayTheLipGoes) {
+  double before = 0;
+  for (double pitch = -0.05; pitch > -0.9; pitch -= 0.05) {
+    SCOPED_TRACE(pitch);
+    Dig dig(0.05, make_plane(0, {0, 0}), bucket());
+    for (const double z : {0.4, -0.1}) dig.to({0, 0, z}, from_rpy(0, pitch, 0));
+    const Resistance tamps = dig.resistance();
+    EXPECT_TRUE(tamps.pressed);
+    const double up = (from_rpy(0, pitch, 0) * tamps.heel.force).z();
+    EXPECT_GT(up, 20e3);
+    if (before > 0) {
+      EXPECT_GT(up, 0.5 * before);
+      EXPECT_LT(up, 2 * before);
+    }
+    before = up;
+  }
+  Dig dig(0.05, make_plane(0, {0, 0}), bucket());
+  for (const Vec3& at : {Vec3(0, 0, 0.4), Vec3(0, 0, -0.1), Vec3(-0.05, 0, -0.11)})
+    dig.to(at, from_rpy(0, -0.3, 0));
+  const Resistance back = dig.resistance();
+  EXPECT_GT((from_rpy(0, -0.3, 0) * back.heel.force).x(), 1e3);
+  EXPECT_EQ(back.limited(), "heel");
+}
+
+/// The way up that soil fails is the bound, and how deep the blade's end is.
+TEST(Resistance, SaysWhereTheFormulaIsABound) {
+  const auto limited = [](const Vec3& way, double depth_m, const Bucket& of) {
+    Dig dig(0.05, make_plane(depth_m, {0, 0}), of);
+    const CutGeometry cut(dig.heights, *dig.ground, of, {Vec3::Zero(), lean(60)}, way, 0);
+    return cut.resistance(kLoam, false).limited();
+  };
+  // In loam before this blade soil fails at 34 degrees.
+  for (const auto& [deg, expected] :
+       {std::pair(0., ""), std::pair(33., ""), std::pair(35., "lifts"), std::pair(60., "lifts")})
+    EXPECT_EQ(limited({std::cos(deg * kDeg), 0, std::sin(deg * kDeg)}, 0.3, blade()), expected)
+        << deg;
+  Bucket low = blade();
+  low.height_m = 0.3 / std::sin(60 * kDeg);
+  EXPECT_EQ(limited(Vec3::UnitX(), 0.29, low), "");
+  EXPECT_EQ(limited(Vec3::UnitX(), 0.36, low), "blade below ground");
+}
+
+/// In a box whose floor is level, loose soil lies as deep as its volume says.
+TEST(Resistance, LooseSoilOfTheLoadIsWhereItLies) {
+  const Bucket box{1, 1, {{0, 0}, {-1, 0}, {-1, 1}, {0, 1}}, {}, {}};
+  Dig dig(0.05, make_plane(-5, {0, 0}), box);
+  for (const double swell : {0., 0.25, 0.5}) {
+    const CutGeometry cut(dig.heights, *dig.ground, box, {Vec3::Zero(), from_rpy(0, -0.4, 0)},
+                          Vec3::UnitX(), 0.3, swell);
+    const Resistance r = cut.resistance(kLoam);
+    const Vec3 down = from_rpy(0, -0.4, 0).conjugate() * -Vec3::UnitZ();
+    // The centroid of the part of the square below a level line, by Monte Carlo.
+    std::mt19937_64 random(3);
+    std::uniform_real_distribution<double> unit(0, 1);
+    std::vector<Eigen::Vector2d> all(200000);
+    for (Eigen::Vector2d& p : all) p = {-unit(random), unit(random)};
+    std::sort(all.begin(), all.end(), [&](const auto& a, const auto& b) {
+      return a.x() * down.x() + a.y() * down.z() > b.x() * down.x() + b.y() * down.z();
+    });
+    const auto count = static_cast<std::size_t>(0.3 * (1 + swell) * 200000);
+    Eigen::Vector2d centre(0, 0);
+    for (std::size_t i = 0; i < count; ++i) centre += all[i] / static_cast<double>(count);
+    const Vec3 weight = 0.3 * 18e3 * down;
+    EXPECT_NEAR(r.load.moment.y(), Vec3(centre.x(), 0, centre.y()).cross(weight).y(), 10) << swell;
+    EXPECT_NEAR((r.load.force - weight).norm(), 0, 1e-6);
+  }
 }
 
 /// Pressure on a blunt edge of 20 mm at a depth of 0.3 m: 4413, 9715, 15 592, 26 867 N.

@@ -69,7 +69,8 @@ void LiveForces::compute(GroundCopy& beside, std::function<void(std::string)> do
     if (const std::optional<MachineState> last = site_.last(i))
       buckets.push_back(
           {&site_.machines()[i], last->pose, site_.direction(i), site_.ledger(i).bank_m3()});
-  beside.run([this, number = ++made_, soil = strength_of(site_), buckets = std::move(buckets),
+  beside.run([this, number = ++made_, soil = strength_of(site_),
+              swell = site_.earthmoving().soil->swell, buckets = std::move(buckets),
               done = std::move(done)] {
     if (!heights_) heights_.emplace(copy_);
     Json json = message_of(0);
@@ -77,7 +78,7 @@ void LiveForces::compute(GroundCopy& beside, std::function<void(std::string)> do
     for (const BucketThere& there : buckets)
       json["machines"].push_back(force_on(*there.machine, soil, [&] {
         return CutGeometry(*heights_, copy_, there.machine->bucket, there.world_from_bucket,
-                           there.way, there.load_m3);
+                           there.way, there.load_m3, swell);
       }));
     done(io::to_text(json));
     busy_ = false;

@@ -43,9 +43,7 @@ struct Resistance {
   Wrench load;  ///< weight of the load, without what the wedge counts above the blade
   Wrench heel;  ///< of faces of the body that press on the ground
   /// Derivatives of total().force by density (per kg/m3), cohesion and adhesion (per Pa), friction
-  /// and tool friction (per rad), in the order of SoilStrength. Before a steep blade rough: without
-  /// that of a body's vertical force by its face's angle, and a tenth off where it is about to be
-  /// lifted off the ground.
+  /// and tool friction (per rad), in the order of SoilStrength.
   Eigen::Matrix<double, 3, 5> by_strength = Eigen::Matrix<double, 3, 5>::Zero();
   double angle_rad = 0;  ///< of the failure planes with the way ahead, mean by force
   double depth_m = 0;    ///< of the lip below the ground just ahead, mean over its width
@@ -53,6 +51,8 @@ struct Resistance {
   bool pressed = false;  ///< a heel presses: a rough estimate
   bool open = false;     ///< the wedge ends where no more ground was looked at, or is known
   bool stuck = false;  ///< the soil can't fail, at least before some of the blade: that is left out
+  bool lifts = false;  ///< the way rises more steeply than the failure planes: too high
+  bool buried = false;  ///< the blade ends below the ground, and what is above that is left out
   bool rolled = false;  ///< the lip stands too steep for slices across it: only the load counts
 
   Wrench total() const { return cut + edge + load + heel; }
@@ -75,18 +75,19 @@ class CutGeometry {
   /// Of no place: nothing resists.
   CutGeometry() = default;
   CutGeometry(HeightMap& map, const Ground& ground, const Bucket& bucket,
-              const Pose& world_from_bucket, const Vec3& way, double load_m3) {
-    read(map, ground, bucket, world_from_bucket, way, load_m3);
+              const Pose& world_from_bucket, const Vec3& way, double load_m3, double swell = 0) {
+    read(map, ground, bucket, world_from_bucket, way, load_m3, swell);
   }
 
   /// Takes another look. Allocates only where it needs more room than all looks before, and where
   /// the map reads columns for the first time.
   /// @param map of the ground. @param way direction of the lip's motion, world; zero: ahead
-  /// @param load_m3 in the bucket, as bank soil
+  /// @param load_m3 in the bucket, as bank soil @param swell its loose volume over that, less 1:
+  /// the load's centre is that of the loose volume, filled level
   /// @throw std::invalid_argument for a closed tool shape, and then it stays as it was; as
   ///        HeightMap::lines(), and then it has no meaning
   void read(HeightMap& map, const Ground& ground, const Bucket& bucket,
-            const Pose& world_from_bucket, const Vec3& way, double load_m3);
+            const Pose& world_from_bucket, const Vec3& way, double load_m3, double swell = 0);
 
   /// The passive force of soil that fails ahead of the blade, strip by strip (wedge.h in core/force
   /// names the sources), and the other parts. Zero where the bucket leaves the soil: where
