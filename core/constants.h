@@ -427,6 +427,8 @@ inline constexpr double kLeastWay = 0.1;
 /// Height of a face above the ground, voxels, up to which it presses on all of it, and from which
 /// on not at all. Ground that was cut at a face errs by an eighth.
 inline constexpr double kPressesBelow = 0.125, kFreeAbove = 0.25;
+/// Voxels that a face must be lower, where it looks a voxel ahead: floors are rough.
+inline constexpr double kGoesInto = 0.5;
 /// Height of soil beside the bucket over that ahead from which on it is less and less, and no more,
 /// taken along: it is the wall of a slot.
 inline constexpr double kLowWall = 1.25, kHighWall = 1.75;

@@ -132,7 +132,7 @@ struct CutGeometry::Look {
       for (const Vec2& p : {face.from, Vec2(face.from + face.along)})
         back = std::min(back, slice(in_world(p)).x());
     });
-    behind = static_cast<int>(std::ceil(-back / h)) + 1;
+    behind = static_cast<int>(std::ceil(-back / h)) + 2;
   }
 
   void read_heights() {
@@ -156,9 +156,19 @@ struct CutGeometry::Look {
     read(lip_of(0), strips + 2);
   }
 
+  /// The number of a height of a strip, and the ground's there, m. @param place from the lip
+  std::pair<std::size_t, double> height_over(int strip, const Vec3& place) const {
+    const double x = std::clamp(slice(place).x() / h + behind, 0.0, count - 1.001);
+    const auto j = static_cast<std::size_t>(strip * count) + static_cast<std::size_t>(x);
+    return {j, of.heights_[j] + (x - std::floor(x)) * (of.heights_[j + 1] - of.heights_[j])};
+  }
+
   /// Where faces press on the ground, while the heights are those of the ground itself: where it
-  /// was dug and lies at the face.
+  /// was dug and lies at the face. Where the lip does not press, faces may follow what they have
+  /// cleared: then ground must lie a voxel ahead of them, too.
   void find_contacts() {
+    const bool follows = of.lip_share_ <= 0;
+    const Vec3 on = follows ? Vec3(h * of.way_) : Vec3(Vec3::Zero());
     each_pressing_face([&](const Face& face) {
       const double length = face.along.norm();
       const double share =
@@ -169,11 +179,9 @@ struct CutGeometry::Look {
         for (int n = 0; n < parts; ++n) {
           const Vec3 in_bucket = in_world(face.from + (n + 0.5) / parts * face.along);
           const Vec3 at = lip_of(k) + in_bucket, place = of.pose_.position + at;
-          const double x = std::clamp(slice(in_bucket).x() / h + behind, 0.0, count - 1.001);
-          const auto j = static_cast<std::size_t>(k * count) + static_cast<std::size_t>(x);
-          const double z =
-              of.heights_[j] + (x - std::floor(x)) * (of.heights_[j + 1] - of.heights_[j]);
-          const double above = (place.z() - z) / h;
+          const auto [j, z] = height_over(k, in_bucket);
+          const double ahead = follows ? height_over(k, in_bucket + on).second - kGoesInto * h : z;
+          const double above = (place.z() + on.z() - ahead) / h;
           if (!(above < kFreeAbove)) continue;  // nor where there is no ground
           const auto initial = ground.terrain().height(place.x(), place.y());
           if (!initial || std::abs(*initial - z) < kMinHeightChange * h) continue;

@@ -402,6 +402,16 @@ TEST(Resistance, PressesWhicheverWayTheLipGoes) {
   const Resistance back = dig.resistance();
   EXPECT_GT((from_rpy(0, -0.3, 0) * back.heel.force).x(), 1e3);
   EXPECT_EQ(back.limited(), "heel");
+  // In the ground that nobody dug yet, but not along what its own way has cleared.
+  for (double x = -0.1; x > -0.5; x -= 0.05) {
+    dig.to({x, 0, -0.11}, from_rpy(0, -0.3, 0));
+    EXPECT_TRUE(dig.resistance().pressed) << x;
+  }
+  dig.to({-0.3, 0, -0.11}, from_rpy(0, -0.3, 0));
+  for (double x = -0.35; x > -0.45; x -= 0.02) {
+    dig.to({x, 0, -0.105}, from_rpy(0, -0.3, 0));
+    EXPECT_FALSE(dig.resistance().pressed) << x;
+  }
 }
 
 /// The way up that soil fails is the bound, and how deep the blade's end is.

@@ -106,10 +106,11 @@ py::array_t<double> jacobian_of(const Resistance& r) {
 }  // namespace
 
 void bind_force(py::class_<Site>& site, py::module_& m) {
-  py::class_<ResistanceValue>(m, "Resistance",
-                              "The force of the soil on a bucket. Forces, N, and their moments "
-                              "about the middle of the lip, "
-                              "N m, act on the bucket.")
+  py::class_<ResistanceValue>(
+      m, "Resistance",
+      "The force of the soil on a bucket. Forces, N, and their moments "
+      "about the middle of the lip, "
+      "N m, act on the bucket. What is not modelled: see Site.resistance().")
       .def_property_readonly(
           "force", [](const ResistanceValue& v) { return array_of_vector(v.of.total().force); },
           "(3,), N, in the bucket's frame")
@@ -138,7 +139,8 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
       .def_property_readonly(
           "jacobian", [](const ResistanceValue& v) { return jacobian_of(v.of); },
           "(3, 5): derivatives of force by density (per kg/m3), cohesion (per Pa), friction_angle, "
-          "tool_friction (per rad), adhesion (per Pa); each with the others held")
+          "tool_friction (per rad), adhesion (per Pa); each with the others held. Exact to 1e-5; "
+          "before a steep blade to 1e-3")
       .def_property_readonly(
           "angle", [](const ResistanceValue& v) { return v.of.angle_rad; },
           "of the failure planes with the way ahead, rad")
@@ -147,9 +149,11 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
           "of the lip below the ground just ahead, mean over its width")
       .def_property_readonly(
           "limited", [](const ResistanceValue& v) { return v.of.limited(); },
-          "why the force is a rough estimate: 'steep blade': soil rides before it; 'heel'; or too "
+          "why the force is a rough estimate: 'steep blade': soil rides before it; 'heel': a face "
+          "presses; too high: 'lifts': the way rises more steeply than the failure planes; or too "
           "low: 'ground ends ahead'; 'no failure plane': the soil can't fail before some of the "
-          "blade, which counts 0; 'rolled over': only the load counts; empty if it is none")
+          "blade, which counts 0; 'blade below ground': what lies above its end is left out; "
+          "'rolled over': only the load counts; empty if it is none")
       .def("__repr__", [](const ResistanceValue& v) {
         const Vec3 force = v.of.total().force;
         return fmt::format("soilvdb.Resistance(force=[{:.5g}, {:.5g}, {:.5g}] N)", force.x(),
@@ -213,11 +217,13 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
           "What that force does to a machine's joints, in their order, N m or N: positive the way "
           "that the joint's value grows. Weights of the links are not in it. Raises ValueError "
           "unless the last state was given by joints.");
-  m.def("resistances", &resistances, py::arg("sites"), py::arg("machine") = 0, py::kw_only(),
-        py::arg("soil") = none, py::arg("crescents") = true, py::arg("threads") = none,
-        "Site.resistance() of many sites: forces (sites, 3), N, and moments (sites, 3), N m, in "
-        "the bucket's frame; NaN before the machine's first state. soil: one for all, or a list "
-        "with one for each; default: each site's own. threads: default: all cores.");
+  m.def(
+      "resistances", &resistances, py::arg("sites"), py::arg("machine") = 0, py::kw_only(),
+      py::arg("soil") = none, py::arg("crescents") = true, py::arg("threads") = none,
+      "Site.resistance() of many sites: forces (sites, 3), N, and moments (sites, 3), N m, in "
+      "the bucket's frame; NaN before the machine's first state. soil: one for all, or a list "
+      "with one for each; default: each site's own. threads: default: all cores. Not modelled: as "
+      "there.");
 }
 
 }  // namespace soilvdb::python

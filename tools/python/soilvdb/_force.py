@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import os
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._row_errors import covariance
-from ._soilvdb import CutGeometry, Soil
+from ._soilvdb import CutGeometry, Site, Soil, motions
 
 _STEPS = 60
 _FRICTION = (0.02, 1.2)  # rad, what soils have and more
@@ -58,14 +59,38 @@ def _with(soil: Soil, cohesion: float, friction: float) -> Soil:
                 tool_friction=soil.tool_friction, adhesion=soil.adhesion)
 
 
-def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
-             crescents: bool = True) -> Identified:
+def _geometries_of(scenario: str | os.PathLike[str], machine: int | str) -> list[CutGeometry]:
+    """Site.cut_geometry() of a machine at each row of its motion, all machines at work."""
+    site, rows = Site.open(scenario), motions(scenario)
+    name = machine if isinstance(machine, str) else list(site.machines)[machine]
+    if name not in rows:
+        raise ValueError(f"the scenario has no motion of machine {name!r}; it has those of "
+                         f"{', '.join(map(repr, rows)) or 'none'}")
+    found, order = [], [(time, who, i) for who, own in rows.items()
+                        for i, time in enumerate(own["times"])]
+    for time, who, i in sorted(order, key=lambda row: row[0]):
+        own = rows[who]
+        if "joints" in own:
+            state = {"joints": own["joints"][i]}
+        else:
+            state = {"position": own["positions"][i], "rotation": own["rotations"][i]}
+        if "base" in own:
+            state["base"] = (own["base"][0][i], own["base"][1][i])
+        site.update(who, time=time, **state)
+        if who == name:
+            found.append(site.cut_geometry(who))
+    return found
+
+
+def identify(rows: Sequence[CutGeometry] | str | os.PathLike[str], forces: Any, *, soil: Soil,
+             crescents: bool = True, machine: int | str = 0) -> Identified:
     """Cohesion and friction of the soil from forces measured in a dig.
 
-    geometries: Site.cut_geometry() at each row, in the order of time and evenly apart. forces: (N,
-    3), N, on the bucket in its frame, as Resistance.force; without the machine's own weight. soil:
-    density, adhesion, and a first guess of the others; without tool_friction that goes with
-    friction, as two thirds of it, and the sigmas know that it may be from a half of it to all.
+    rows: Site.cut_geometry() at each, in the order of time and evenly apart; or the scenario of a
+    run, whose motions are dug anew, for a row of the motion of `machine` each. forces: (N, 3), N, on
+    the bucket in its frame, as Resistance.force; without the machine's own weight. soil: density,
+    adhesion, and a first guess of the others; without tool_friction that goes with friction, as two
+    thirds of it, and the sigmas know that it may be from a half of it to all.
     Least squares (Gauss and Newton) of errors that grow with the
     force. The sigmas are for errors of which a share is new in each row and a share fades over some
     rows, at most a quarter of all; the rows tell how much and how fast. An error that is the same
@@ -74,10 +99,14 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     Raises ValueError for fewer than 4 rows, for forces that aren't finite, and if no row has soil
     ahead of its bucket.
     """
-    geometries = list(geometries)
+    if isinstance(rows, Site):
+        raise TypeError("rows is a Site, which knows its last state only; keep its cut_geometry() "
+                        "of each row, or give the scenario")
+    geometries = (_geometries_of(rows, machine) if isinstance(rows, (str, os.PathLike))
+                  else list(rows))
     for number, geometry in enumerate(geometries):
         if not isinstance(geometry, CutGeometry):
-            raise TypeError(f"geometries: row {number} is {type(geometry).__name__}; it must be what "
+            raise TypeError(f"rows: row {number} is {type(geometry).__name__}; it must be what "
                             "Site.cut_geometry() gave")
     if not isinstance(soil, Soil):
         raise TypeError(f"soil must be soilvdb.Soil, not {type(soil).__name__}")
@@ -96,7 +125,7 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     ties = 2 / 3 if soil.tool_friction is None else 0.0
 
     @functools.lru_cache(maxsize=2)  # a step that is taken, and the next trial
-    def rows(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
+    def misfits(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
         """Misfit of each row's force, its derivatives by cohesion, friction and the tie of tool
         friction to it, and the force's size."""
         now = _with(soil, cohesion, friction)
@@ -108,14 +137,14 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     def weighted(cohesion: float, friction: float) -> tuple[Any, Any, Any, Any]:
         """Misfits and derivatives over the forces' sizes, a misfit at other values over the same
         sizes, and the numbers of the rows."""
-        misfit, by, size = rows(cohesion, friction)
+        misfit, by, size = misfits(cohesion, friction)
         # Rows whose force depends on the soil, not only on the load.
         used = np.abs(by[:, :, 1]).max(1) > 1e-6 * np.maximum(size, 1e-9)
         if used.sum() < 4:
             raise ValueError("fewer than 4 rows have soil ahead of the bucket")
         return ((misfit[used] / size[used, None]).ravel(),
                 (by[used] / size[used, None, None]).reshape(-1, 3),
-                lambda c, f: (rows(c, f)[0][used] / size[used, None]).ravel(),
+                lambda c, f: (misfits(c, f)[0][used] / size[used, None]).ravel(),
                 np.flatnonzero(used))
 
     # Cohesion in units in which both unknowns change a force about as much.
