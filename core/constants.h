@@ -811,6 +811,14 @@ inline constexpr std::size_t kMaxSurveyTiles = 1 << 16;
 /// the air farther up is left alone.
 inline constexpr double kMostCorrectedSlope = 4;
 inline constexpr int kCorrectedCells = 3;
+/// Side of a square of columns that a survey changes at a time, a multiple of 8: larger ones take
+/// more memory meanwhile.
+inline constexpr int kSurveyBlock = 64;
+/// How often the columns of a survey are looked at: a roof goes first, and where it was thin the
+/// height is then another one.
+inline constexpr int kSurveyRounds = 4;
+/// Most columns of a part of a survey: one update, whose heights the journal has.
+inline constexpr std::int64_t kMostSurveyedColumns = 1 << 24;
 /// Least variance of an error that scans share: less is none.
 inline constexpr double kLeastScanVariance = 1e-12;
 /// Largest sigma of a sensor or a lip, in its unit.

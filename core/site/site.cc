@@ -21,6 +21,8 @@ namespace {
 
 constexpr double kUnknown_s = std::numeric_limits<double>::quiet_NaN();  // in progress()
 constexpr double kForever = std::numeric_limits<double>::infinity();
+/// In place of a number of columns that scans changed: what follows are a survey's heights.
+constexpr std::uint64_t kHeightsFollow = ~std::uint64_t{0};
 
 std::string listed(const std::vector<std::string>& names) {
   std::string all;
@@ -366,7 +368,7 @@ std::unique_ptr<GroundSurvey> Site::new_survey() const {
   return std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m);
 }
 
-GroundSurvey& Site::survey() {
+GroundSurvey& Site::scans() {
   if (!survey_) survey_ = new_survey();
   return *survey_;
 }
@@ -427,10 +429,43 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
   });
 }
 
-void Site::repeat_scans(std::string_view record) {
+StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
+                        std::string* record) noexcept {
+  return guarded<StepResult>([&](bool& moving) {
+    volumes = {};
+    heights.validate();
+    const Surveyed before = tracker_->surveyed();
+    moving = true;
+    volumes.changed = tracker_->survey(heights);
+    tell_survey();
+    const Surveyed& now = tracker_->surveyed();
+    volumes.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
+    volumes.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
+    if (record != nullptr) {
+      put(*record, kHeightsFollow);
+      heights.save(*record);
+    }
+    return StepResult();
+  });
+}
+
+bool Site::is_of_scans(std::string_view record) {
+  std::uint64_t count = 0;
+  return !try_take(record, count) || count != kHeightsFollow;
+}
+
+void Site::repeat_survey(std::string_view record) {
   if (record.empty()) return;  // of scans without a ray that counts
   std::uint64_t count = 0;
   take(record, count);
+  if (count == kHeightsFollow) {
+    const auto heights = SurveyHeights::load(record);
+    if (!record.empty())
+      throw std::invalid_argument("the record of a survey has more than it says");
+    tracker_->survey(heights);
+    tell_survey();
+    return;
+  }
   std::vector<SurveyChange> changes;
   for (std::uint64_t i = 0; i < count; ++i) {
     SurveyChange& change = changes.emplace_back();
@@ -445,7 +480,7 @@ void Site::repeat_scans(std::string_view record) {
       throw std::invalid_argument("the record of scans has an impossible column");
   }
   tracker_->correct(changes);
-  survey().load(record);
+  scans().load(record);
   if (!record.empty()) throw std::invalid_argument("the record of scans is of another site");
 }
 
@@ -610,7 +645,7 @@ void Site::set_progress(std::string_view bytes) {
   if (!bytes.empty()) {
     std::swap(survey, survey_);
     try {
-      this->survey().load(bytes);
+      scans().load(bytes);
       if (!bytes.empty()) throw std::invalid_argument("the state is of a site with more");
     } catch (...) {
       survey_ = std::move(survey);

@@ -10,7 +10,6 @@
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
-#include "core/settle/column_samples.h"
 #include "core/site/machine.h"
 #include "core/site/timed.h"
 #include "soilvdb/pour_parts.h"
@@ -267,36 +266,6 @@ Update Tracker::come_to_rest(std::optional<double> time_s) {
     update.spilled_m3 = units.loose_samples(total().spilled - spilled_before) * ground_.sample_m3();
     return update;
   });
-}
-
-void Tracker::correct(std::span<const SurveyChange> changes) {
-  ground_.evict();
-  std::vector<ColumnEdit> lowered, raised;
-  for (const SurveyChange& change : changes) {
-    const auto slope = [&](double value) {
-      return static_cast<float>(std::clamp(value, -kMostCorrectedSlope, kMostCorrectedSlope));
-    };
-    const float a = slope(change.slope.x()), b = slope(change.slope.y());
-    const double after = change.top + static_cast<double>(change.samples) / 64;
-    const int room = kCorrectedCells + static_cast<int>(std::ceil(std::abs(a) + std::abs(b)));
-    (change.samples < 0 ? lowered : raised)
-        .push_back({change.cell, cell_of(std::min(change.top, after)) - room,
-                    cell_of(std::max(change.top, after)) + room, std::abs(change.samples), false, a,
-                    b});
-  }
-  const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
-  if (!lowered.empty()) {
-    const Taken taken = remove_top(ground_, lowered, 0, true);
-    surveyed_.removed += taken.bank + taken.loose;
-    surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
-  }
-  if (!raised.empty()) {
-    const std::int64_t added =
-        moves_soil() ? add_loose(ground_, raised, 0) : add_bank(ground_, raised, 0);
-    surveyed_.added += added;
-    surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
-  }
-  forget_changes_of(settlers_.size());
 }
 
 SettleTotals Tracker::settled() const {

@@ -271,7 +271,7 @@ TEST(SiteScans, AreRepeatedByACopy) {
       ASSERT_TRUE(each->update({.machine = 0, .pose = {{x, 0, -0.05}, {1, 0, 0, 0}}}).ok());
   std::string record;
   apply(site, 1, &record);
-  copy.repeat_scans(record);
+  copy.repeat_survey(record);
   const Survey one = apply(site, 12, nullptr), other = apply(copy, 12, nullptr);
   EXPECT_EQ(one.sigma_m3, other.sigma_m3);
   EXPECT_EQ(one.lip_errors_m[0].mean, other.lip_errors_m[0].mean);

@@ -342,6 +342,25 @@ StepResult Session::apply_scans(Survey& survey) noexcept {
       });
 }
 
+StepResult Session::survey(const SurveyHeights& heights, SurveyVolumes& volumes) noexcept {
+  State& s = *state_;
+  std::string record;
+  return s.recorded<StepResult>(
+      [&] {
+        return static_cast<Site&>(s).survey(heights, volumes, s.recorder ? &record : nullptr);
+      },
+      [&](StepResult& made) {
+        s.settings.floats = false;
+        io::JournalUpdate update{.end_s = s.last_s().value_or(kNoTime), .kind = Kind::kSurvey};
+        if (s.recorder) update.survey = io::pack_survey(record);
+        s.record(update, made);
+      });
+}
+
+void Session::begin_near(const Vec3& at_m) {
+  if (state_->settings.floats && is_place(at_m)) state_->float_to(at_m);
+}
+
 void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
   state_->sigmas(xy_m, sigmas_m);
 }
@@ -350,8 +369,9 @@ const Ledger& Session::ledger(std::size_t machine) const {
   return state_->tracker().ledger(machine);
 }
 std::optional<Surveyed> Session::surveyed() const {
-  if (!state_->survey_) return {};
-  return state_->tracker().surveyed();
+  const Surveyed& all = state_->tracker().surveyed();
+  if (!state_->survey_ && all.removed == 0 && all.added == 0) return {};
+  return all;
 }
 std::vector<Estimate> Session::lip_errors_m() const { return state_->lip_errors_m(); }
 Ledger Session::total() const { return state_->tracker().total(); }

@@ -61,7 +61,8 @@ void become_equal(Ground& ground, const Ground& other) {
   const auto same = [&](const Coord3& origin) {
     const Chunk *a = ground.find(origin), *b = other.find(origin);
     if (a == nullptr || b == nullptr) return false;
-    if (a->soil_count != b->soil_count || a->loose_count != b->loose_count) return false;
+    if (a->soil_count != b->soil_count || a->loose_count != b->loose_count || a->above != b->above)
+      return false;
     SampleWords words, other_words;
     for (const auto read : {&Ground::read_samples, &Ground::read_loose}) {
       (ground.*read)(origin, words);
@@ -96,7 +97,8 @@ StatesAfter Session::states_after(const fs::path& folder, std::size_t machine,
   double work_ns = 0;
   const auto count = [&](const io::JournalUpdate& update, std::uint64_t before) {
     const bool is_after = before >= after.before, goes = is_after && is_of(update, machine);
-    if (is_after && update.kind == io::JournalUpdate::Kind::kSurvey)
+    if (is_after && update.kind == io::JournalUpdate::Kind::kSurvey &&
+        Site::is_of_scans(io::unpack_survey(update.survey)))
       throw std::invalid_argument(
           "scans corrected the ground since that time, and what they found can't be made anew");
     if (goes) after.states += update.has_rows();

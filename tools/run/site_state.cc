@@ -264,7 +264,7 @@ std::vector<Update> SiteState::repeat(std::span<const io::JournalUpdate> updates
       follow(first);
       break;
     case Kind::kSurvey:
-      repeat_scans(io::unpack_survey(first.survey));
+      repeat_survey(io::unpack_survey(first.survey));
   }
   return made;
 }

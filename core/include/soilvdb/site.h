@@ -18,6 +18,7 @@
 #include "soilvdb/kinematics.h"
 #include "soilvdb/resistance.h"
 #include "soilvdb/survey.h"
+#include "soilvdb/survey_heights.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::inline v0 {
@@ -156,12 +157,19 @@ class Site {
   StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
   /// Corrects the ground by all scans so far; without any nothing changes. What scans add or remove
   /// is in Tracker::surveyed(); loads stay.
-  /// @param survey what was changed @param record receives what repeat_scans() takes; null: nobody
+  /// @param survey what was changed @param record receives what repeat_survey() takes; null: nobody
   /// needs it
   StepResult apply_scans(Survey& survey, std::string* record = nullptr) noexcept;
-  /// Corrects the ground as apply_scans() did in another copy of this site, of which it has the
-  /// state from then on. @throw std::invalid_argument for bytes of another site
-  void repeat_scans(std::string_view record);
+  /// Gives the ground the heights of a survey, see Tracker::survey(). Booked as what scans change
+  /// is.
+  /// @param volumes what was changed @param record as of apply_scans()
+  StepResult survey(const SurveyHeights& heights, SurveyVolumes& volumes,
+                    std::string* record = nullptr) noexcept;
+  /// Corrects the ground as apply_scans() or survey() did in another copy of this site. It has that
+  /// site's state of scans from then on. @throw std::invalid_argument for bytes of another site
+  void repeat_survey(std::string_view record);
+  /// Is a record of apply_scans(), which only fits the ground that the scans saw?
+  static bool is_of_scans(std::string_view record);
   /// Of each machine: its lip's height as told less the true, as scans know it; empty before any.
   std::vector<Estimate> lip_errors_m() const;
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
@@ -234,7 +242,7 @@ class Site {
   Move move(const MachineState& state, std::optional<Input>& last,
             std::deque<Motion>& motions) const;
 
-  GroundSurvey& survey();
+  GroundSurvey& scans();
   std::unique_ptr<GroundSurvey> new_survey() const;
 
   std::optional<double> poured_s_ = {};     // time up to which pours have fallen

@@ -18,6 +18,7 @@
 #include "soilvdb/mass.h"
 #include "soilvdb/motion.h"
 #include "soilvdb/survey.h"
+#include "soilvdb/survey_heights.h"
 
 namespace soilvdb::inline v0 {
 
@@ -56,11 +57,11 @@ struct MassBalance {
   std::int64_t slid = 0;              ///< moved by slope failures
   std::int64_t fill_samples = 0;      ///< added to the ground
   std::int64_t failed_samples = 0;    ///< removed from the ground by slope failures
-  std::int64_t surveyed = 0;          ///< added by scans, less what they removed
+  std::int64_t surveyed = 0;          ///< added by scans and surveys, less what they removed
   MassUnits units;
 };
 
-/// What scans corrected so far: no machine did it.
+/// What scans and surveys corrected so far: no machine did it.
 struct Surveyed {
   std::int64_t removed = 0, added = 0;  ///< samples
   std::int64_t mass = 0;                ///< added less removed, units of mass
@@ -91,8 +92,9 @@ struct InvalidMove {
   std::string why;
 };
 
-class Machine;  // core/site/machine.h
-class Settler;  // core/settle/settler.h
+struct ColumnEdit;  // core/settle/column_samples.h
+class Machine;      // core/site/machine.h
+class Settler;      // core/settle/settler.h
 struct SettleTotals;
 class TileSet;  // core/settle/tile_set.h
 
@@ -167,6 +169,11 @@ class Tracker {
   /// Changes columns as scans say. Added soil is loose where soil moves. It stays as it is, however
   /// steep, until something else changes the ground there.
   void correct(std::span<const SurveyChange> changes);
+  /// Gives columns the heights of a survey, to the sample. Where it has none, and where the ground
+  /// has none, nothing changes. Soil above a gap that it sees into goes, caves below it stay. Added
+  /// soil is as that of correct(). @return number of the columns that changed
+  /// @throw std::invalid_argument as SurveyHeights::validate()
+  std::int64_t survey(const SurveyHeights& survey);
   const Surveyed& surveyed() const { return surveyed_; }
 
   const Ledger& ledger(std::size_t machine) const;
@@ -201,6 +208,8 @@ class Tracker {
   bool may_run_apart();
   bool run_apart(std::span<const Group> groups, std::span<const Move> moves, const Run& run);
   void forget_changes_of(std::size_t settler);
+  void lower(std::span<const ColumnEdit> edits);
+  void raise(std::span<const ColumnEdit> edits);
   void raise_walls();
   Ground& ground_;
   Earthmoving earthmoving_;

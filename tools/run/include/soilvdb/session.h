@@ -155,12 +155,19 @@ class Session {
   StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
   /// Corrects the ground by all scans so far. @param survey what was changed
   StepResult apply_scans(Survey& survey) noexcept;
+  /// Gives the ground the heights of a survey, as one update: see Tracker::survey().
+  /// @param volumes what was changed
+  StepResult survey(const SurveyHeights& heights, SurveyVolumes& volumes) noexcept;
+  /// Columns are those around a place, if the site is an endless plane, which may be anywhere until
+  /// something happens there: to be called before heights of a survey are made.
+  /// @throw std::invalid_argument if it is recorded far from there
+  void begin_near(const Vec3& at_m);
   /// Sigmas of heights(), m; NaN without ground.
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
 
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;
-  /// What scans removed and added so far; empty before any.
+  /// What scans and surveys removed and added so far; empty before any.
   std::optional<Surveyed> surveyed() const;
   /// See Site::lip_errors_m().
   std::vector<Estimate> lip_errors_m() const;

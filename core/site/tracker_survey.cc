@@ -1,0 +1,207 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Corrections of the ground that are no machine's work: by scans, and by surveys.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "core/constants.h"
+#include "core/ground/ground_columns.h"
+#include "core/settle/column_samples.h"
+#include "core/settle/settler.h"
+#include "soilvdb/tracker.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+float corrected_slope(double value) {
+  return static_cast<float>(std::clamp(value, -kMostCorrectedSlope, kMostCorrectedSlope));
+}
+
+/// Cells above and below the heights of a column that a correction may change.
+int correction_room(float a, float b) {
+  return kCorrectedCells + static_cast<int>(std::ceil(std::abs(a) + std::abs(b)));
+}
+
+/// Columns of one tile of 8 x 8 that a survey changes.
+class SurveyedTile {
+ public:
+  SurveyedTile(const SurveyHeights& survey, const Coord2& cell) : survey_(survey), cell_(cell) {}
+
+  /// Finds changes towards the survey's heights. Soil over a gap that the survey sees into is a
+  /// roof: that goes first.
+  void find(const Ground& ground, BaseColumns& base) {
+    roofs.clear();
+    lowered.clear();
+    raised.clear();
+    const ColumnTile now = read_tile_exactly(base, cell_.x(), cell_.y(), kNoCeiling, false);
+    std::array<std::int64_t, BaseColumn::kCells> changes = {};
+    std::array<Span, BaseColumn::kCells> above;
+    bool looks = false;
+    for (int c = 0; c < BaseColumn::kCells; ++c) {
+      const GroundColumn& column = now.columns[static_cast<std::size_t>(c)];
+      const std::int32_t wanted = wanted_of(c);
+      if (wanted == SurveyHeights::kNone || !column.known) continue;
+      std::int64_t& change = changes[static_cast<std::size_t>(c)];
+      change = wanted - std::llround(64 * column.top);
+      if (change >= 0) continue;
+      Span& span = above[static_cast<std::size_t>(c)];
+      span = {cell_of(wanted / 64.0) + 1, cell_of(column.surface) - 1};
+      looks |= span.low <= span.high;
+    }
+    if (looks) find_gaps(ground, above);
+    for (int c = 0; c < BaseColumn::kCells; ++c) {
+      const std::int64_t change = changes[static_cast<std::size_t>(c)];
+      if (change != 0)
+        add(c, now.columns[static_cast<std::size_t>(c)], change,
+            above[static_cast<std::size_t>(c)]);
+    }
+  }
+
+  std::vector<ColumnEdit> roofs, lowered, raised;
+
+ private:
+  /// Cells of a column above the survey, and the lowest of them without soil.
+  struct Span {
+    int low = 0, high = -1, gap = std::numeric_limits<int>::max();
+  };
+
+  Coord2 place_of(int c) const { return cell_ + Coord2(c / kChunkSide, c % kChunkSide); }
+  /// kNone also beside the survey.
+  std::int32_t height_at(const Coord2& cell) const {
+    const Coord2 in = cell - survey_.first;
+    const bool is_in = in.minCoeff() >= 0 && (survey_.size - in).minCoeff() > 0;
+    return is_in ? survey_.heights[survey_.number(in.x(), in.y())] : SurveyHeights::kNone;
+  }
+  std::int32_t wanted_of(int c) const { return height_at(place_of(c)); }
+
+  float slope_of(int c, const Coord2& along) const {
+    const Coord2 cell = place_of(c);
+    std::int32_t before = height_at(cell - along), after = height_at(cell + along);
+    const int columns = (before != SurveyHeights::kNone) + (after != SurveyHeights::kNone);
+    if (before == SurveyHeights::kNone) before = height_at(cell);
+    if (after == SurveyHeights::kNone) after = height_at(cell);
+    const double rise = static_cast<double>(std::int64_t{after} - before) / 64;
+    return columns == 0 ? 0 : corrected_slope(rise / columns);
+  }
+
+  void find_gaps(const Ground& ground, std::array<Span, BaseColumn::kCells>& above) const {
+    int low = std::numeric_limits<int>::max(), high = std::numeric_limits<int>::min();
+    for (const Span& span : above) {
+      if (span.low > span.high) continue;
+      low = std::min(low, span.low);
+      high = std::max(high, span.high);
+    }
+    SampleWords words;
+    for (int z = floor_to(low, kChunkSide); z <= high; z += kChunkSide) {
+      ground.read_samples({cell_.x(), cell_.y(), z}, words);
+      for (std::size_t c = 0; c < above.size(); ++c) {
+        Span& span = above[c];
+        for (int k = 0; k < kChunkSide; ++k)
+          if (words[c * kChunkSide + static_cast<std::size_t>(k)] == 0 && z + k >= span.low &&
+              z + k <= span.high)
+            span.gap = std::min(span.gap, z + k);
+      }
+    }
+  }
+
+  void add(int c, const GroundColumn& column, std::int64_t change, const Span& above) {
+    const Coord2 cell = place_of(c);
+    const int highest = std::max(cell_of(column.surface), cell_of(column.top));
+    if (above.gap <= above.high) {
+      roofs.push_back(
+          {cell, above.gap, highest, std::numeric_limits<std::int64_t>::max(), false, 0, 0});
+      return;
+    }
+    const float a = slope_of(c, {1, 0}), b = slope_of(c, {0, 1});
+    const int room = correction_room(a, b), at = cell_of(wanted_of(c) / 64.0);
+    if (change < 0)
+      lowered.push_back({cell, at - room, highest, -change, false, a, b});
+    else  // a cave below is left as it is
+      raised.push_back(
+          {cell, std::min(column.full + 1, at), std::max(highest, at) + room, change, false, a, b});
+  }
+
+  const SurveyHeights& survey_;
+  Coord2 cell_;
+};
+
+template <typename T>
+void append(std::vector<T>& to, const std::vector<T>& more) {
+  to.insert(to.end(), more.begin(), more.end());
+}
+
+}  // namespace
+
+void Tracker::correct(std::span<const SurveyChange> changes) {
+  ground_.evict();
+  std::vector<ColumnEdit> lowered, raised;
+  for (const SurveyChange& change : changes) {
+    const float a = corrected_slope(change.slope.x()), b = corrected_slope(change.slope.y());
+    const double after = change.top + static_cast<double>(change.samples) / 64;
+    const int room = correction_room(a, b);
+    (change.samples < 0 ? lowered : raised)
+        .push_back({change.cell, cell_of(std::min(change.top, after)) - room,
+                    cell_of(std::max(change.top, after)) + room, std::abs(change.samples), false, a,
+                    b});
+  }
+  lower(lowered);
+  raise(raised);
+  forget_changes_of(settlers_.size());
+}
+
+std::int64_t Tracker::survey(const SurveyHeights& survey) {
+  survey.validate();
+  std::int64_t changed = 0;
+  const Coord2 low = floor_to(survey.first, kChunkSide), end = survey.first + survey.size;
+  for (int x = low.x(); x < end.x(); x += kSurveyBlock) {
+    for (int y = low.y(); y < end.y(); y += kSurveyBlock) {
+      ground_.evict();
+      BaseColumns base(ground_);
+      std::vector<SurveyedTile> tiles;
+      for (int cx = x; cx < std::min(x + kSurveyBlock, end.x()); cx += kChunkSide)
+        for (int cy = y; cy < std::min(y + kSurveyBlock, end.y()); cy += kChunkSide)
+          tiles.emplace_back(survey, Coord2(cx, cy));
+      for (int round = 0; round < kSurveyRounds && !tiles.empty(); ++round) {
+        std::vector<ColumnEdit> roofs, lowered, raised;
+        std::vector<SurveyedTile> others;
+        for (SurveyedTile& tile : tiles) {
+          tile.find(ground_, base);
+          if (tile.roofs.empty() && tile.lowered.empty() && tile.raised.empty()) continue;
+          append(roofs, tile.roofs);
+          append(lowered, tile.lowered);
+          append(raised, tile.raised);
+          others.push_back(tile);
+        }
+        if (round == 0)
+          changed += static_cast<std::int64_t>(roofs.size() + lowered.size() + raised.size());
+        lower(roofs);
+        lower(lowered);
+        raise(raised);
+        tiles = std::move(others);
+      }
+    }
+  }
+  forget_changes_of(settlers_.size());
+  return changed;
+}
+
+void Tracker::lower(std::span<const ColumnEdit> edits) {
+  if (edits.empty()) return;
+  const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
+  const Taken taken = remove_top(ground_, edits, 0, true);
+  surveyed_.removed += taken.bank + taken.loose;
+  surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
+}
+
+void Tracker::raise(std::span<const ColumnEdit> edits) {
+  if (edits.empty()) return;
+  const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
+  const std::int64_t added =
+      moves_soil() ? add_loose(ground_, edits, 0) : add_bank(ground_, edits, 0);
+  surveyed_.added += added;
+  surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,180 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Surveys as new ground of a session: recorded and gone on with, taken back around, at other times.
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "soilvdb/survey_heights.h"
+#include "tests/session/session_fixture.h"
+#include "tests/support/temp_folder.h"
+
+namespace soilvdb::test {
+namespace session_survey_test {
+
+/// Over the dig and its surroundings: waves, with a void in it.
+SurveyHeights morning(double level_m = 0.1) {
+  SurveyHeights heights{{-50, -35}, {100, 83}, {}};
+  for (int x = 0; x < heights.size.x(); ++x)
+    for (int y = 0; y < heights.size.y(); ++y)
+      heights.heights.push_back(
+          std::hypot(x - 30, y - 20) < 6
+              ? SurveyHeights::kNone
+              : static_cast<std::int32_t>(std::lround(
+                    640 * (level_m + 0.25 * std::sin(0.1 * x) + 0.1 * std::cos(0.17 * y)))));
+  return heights;
+}
+
+SurveyVolumes take(Session& session, const SurveyHeights& heights) {
+  SurveyVolumes volumes;
+  const StepResult made = session.survey(heights, volumes);
+  EXPECT_TRUE(made.ok()) << made.why;
+  return volumes;
+}
+
+std::int64_t residual_of(const Session& session) {
+  const MassBalance balance = session.mass_balance();
+  return balance.ground + session.total().load + balance.pending + balance.hauled - balance.poured -
+         balance.surveyed;
+}
+
+class SessionSurveys : public ::testing::TestWithParam<bool> {
+ protected:
+  SessionSite site() const { return site_of(GetParam() ? moving() : Earthmoving{}); }
+};
+
+TEST_P(SessionSurveys, GoOnFromWhereTheyWereRecorded) {
+  for (const bool snapshots : {false, true}) {
+    SCOPED_TRACE(snapshots);
+    const TempFolder temp;
+    Recording recording{.folder = temp / "site"};
+    if (snapshots) recording.snapshot_every_s = 3;
+    Session never_stopped(site());
+    std::optional<Session> session(site());
+    session->record(recording);
+    for (int n = 0; n < 4; ++n) {
+      for (Session* each : {&never_stopped, &*session}) {
+        feed(*each, part(states(), 0.2 * n, 0.2 * n + 0.2));
+        const SurveyVolumes volumes = take(*each, morning(0.1 - 0.05 * n));
+        EXPECT_GT(volumes.changed, 1000);
+        EXPECT_GT(volumes.removed_m3 + volumes.added_m3, 1);
+      }
+      ASSERT_TRUE(session->save() == never_stopped.save());
+      session->flush();
+      session.reset();
+      session.emplace(site());
+      session->record(recording);
+      ASSERT_EQ(session->ground_hash(), never_stopped.ground_hash());
+      ASSERT_TRUE(session->save() == never_stopped.save());
+    }
+    if (GetParam()) {
+      EXPECT_EQ(residual_of(*session), 0);
+    }
+    ASSERT_TRUE(session->surveyed());
+    EXPECT_GT(session->surveyed()->removed, 0);
+  }
+}
+
+TEST_P(SessionSurveys, AreOfTheirTime) {
+  const TempFolder temp;
+  Session session(site());
+  session.record({.folder = temp / "site"});
+  feed(session, part(states(), 0, 0.4));
+  const std::uint64_t before = session.ground_hash();
+  const double time_s = *part(states(), 0, 0.4).back().time_s;
+  const double earlier_s = time_s - 2;
+  std::vector<MachineState> before_that;
+  for (const MachineState& state : states())
+    if (*state.time_s <= earlier_s) before_that.push_back(state);
+  Session earlier(site());
+  feed(earlier, before_that);
+  take(session, morning());
+  const std::uint64_t after = session.ground_hash();
+  EXPECT_NE(after, before);
+  feed(session, part(states(), 0.4, 0.6));
+  session.flush();
+  const Session any(site());
+  EXPECT_EQ(any.recorded(temp / "site", time_s).ground_hash(), after);
+  EXPECT_EQ(any.recorded(temp / "site", earlier_s).ground_hash(), earlier.ground_hash());
+}
+
+TEST_P(SessionSurveys, AreCloned) {
+  Session session(site());
+  feed(session, part(states(), 0, 0.4));
+  Session clone = session.clone();
+  take(session, morning());
+  feed(session, part(states(), 0.4, 0.6));
+  take(clone, morning());
+  feed(clone, part(states(), 0.4, 0.6));
+  EXPECT_TRUE(clone.save() == session.save());
+}
+
+// A survey is of all ground, whoever dug it: it is taken again on what is then there.
+TEST_P(SessionSurveys, StayWhenStatesBeforeThemAreTakenBack) {
+  const TempFolder temp;
+  const Recording recording{.folder = temp / "site", .snapshot_every_s = 4};
+  std::vector<MachineState> others;
+  for (const MachineState& state : part(states(), 0.3, 0.6))
+    if (state.machine == 1) others.push_back(state);
+  Session never(site());
+  feed(never, part(states(), 0, 0.3));
+  feed(never, others);
+  take(never, morning());
+  std::optional<Session> session(site());
+  session->record(recording);
+  feed(*session, part(states(), 0, 0.6));
+  take(*session, morning());
+  session->flush();
+  {
+    const Session start(site());
+    const StatesAfter after =
+        start.states_after(recording.folder, 0, *part(states(), 0, 0.3).back().time_s);
+    EXPECT_GT(after.states, 0u);
+    session->undo(*start.without(recording.folder, after, recording.snapshot_every_s,
+                                 [](const io::JournalUpdate&) {}));
+  }
+  EXPECT_EQ(session->ground_hash(), never.ground_hash());
+  ASSERT_TRUE(session->save() == never.save());
+  for (Session* each : {&never, &*session}) feed(*each, part(states(), 0.6, 0.8));
+  ASSERT_TRUE(session->save() == never.save());
+  session.reset();
+  session.emplace(site());
+  session->record(recording);
+  EXPECT_TRUE(session->save() == never.save());
+}
+
+TEST_P(SessionSurveys, GiveTheSameGroundWithLittleMemory) {
+  const TempFolder temp;
+  Session free(site()), limited(site());
+  limited.set_memory_limit(3 << 20, temp.path());
+  for (Session* each : {&free, &limited}) {
+    feed(*each, part(states(), 0, 0.4));
+    take(*each, morning());
+    feed(*each, part(states(), 0.4, 0.6));
+    take(*each, morning(-0.4));
+  }
+  EXPECT_EQ(limited.ground_hash(), free.ground_hash());
+}
+
+TEST(SessionSurveysOnEndlessPlanes, AreWhereTheyAre) {
+  const Vec3 far(500'000, 4'000'000, 0);
+  SessionSite site = site_of();
+  site.terrain = io::PlaneTerrain{0, {0, 0}};
+  Session session(std::move(site));
+  session.begin_near(far);
+  EXPECT_LT((session.origin() - far).norm(), 1e5);
+  const Coord2 first =
+      session.site().ground->index_from_world(far).head<2>().array().round().matrix().cast<int>();
+  take(session, {first, {8, 8}, std::vector<std::int32_t>(64, 64)});
+  session.begin_near(Vec3::Zero());  // it is there now
+  EXPECT_LT((session.origin() - far).norm(), 1e5);
+  double z = 0;
+  const Vec2 at = far.head<2>() + Vec2(0.3, 0.3);
+  session.heights({&at, 1}, {&z, 1});
+  EXPECT_NEAR(z, session.origin().z() + 0.1, 1e-9);
+}
+
+INSTANTIATE_TEST_SUITE_P(RigidOrMoving, SessionSurveys, ::testing::Bool());
+
+}  // namespace session_survey_test
+}  // namespace soilvdb::test
