@@ -314,29 +314,49 @@ void require_metres(const RasterAdvice& advice, Srs srs, const Vec2& centre,
                                reprojection(advice.in_metres(), srs, centre).command));
 }
 
-std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,
+namespace {
+
+struct CrsDifference {
+  std::string text = {};  ///< empty: there is none
+  bool certain = false;
+};
+
+/// Of x and y, and of heights.
+std::array<CrsDifference, 2> compare_crs(const std::string& a_name, const std::string& a_wkt,
                                          const std::string& b_name, const std::string& b_wkt) {
   const GdalMessages messages;
-  std::vector<std::string> all;
-  const auto compare = [&](const char* what, const OwnSrs& a, const OwnSrs& b) {
+  const OwnSrs whole_a = srs_of(a_wkt), whole_b = srs_of(b_wkt);
+  const auto compare = [&](const char* what, OwnSrs (*of)(Srs)) -> CrsDifference {
+    const OwnSrs a = whole_a ? of(whole_a.get()) : nullptr,
+                 b = whole_b ? of(whole_b.get()) : nullptr;
     if (a && b) {
-      if (!same(a.get(), b.get()))
-        all.push_back(fmt::format(
-            "{} of {} are in {}, and those of {} in {}; volumes between the two are wrong", what,
-            a_name, label_of(a.get()), b_name, label_of(b.get())));
-    } else if (a || b) {
-      all.push_back(fmt::format("{} of {} are in {}, and {} names none; the same is assumed", what,
-                                a ? a_name : b_name, label_of((a ? a : b).get()),
-                                a ? b_name : a_name));
+      if (same(a.get(), b.get())) return {};
+      return {fmt::format("{} of {} are in {}, and those of {} in {}; volumes between the two are "
+                          "wrong",
+                          what, a_name, label_of(a.get()), b_name, label_of(b.get())),
+              true};
     }
+    if (!a && !b) return {};
+    return {fmt::format("{} of {} are in {}, and {} names none; the same is assumed", what,
+                        a ? a_name : b_name, label_of((a ? a : b).get()), a ? b_name : a_name)};
   };
-  const OwnSrs a = srs_of(a_wkt), b = srs_of(b_wkt);
-  const auto part = [](const OwnSrs& srs, OwnSrs (*of)(Srs)) {
-    return srs ? of(srs.get()) : nullptr;
-  };
-  compare("coordinates", part(a, horizontal_of), part(b, horizontal_of));
-  compare("heights", part(a, vertical_of), part(b, vertical_of));
+  return {compare("coordinates", horizontal_of), compare("heights", vertical_of)};
+}
+
+}  // namespace
+
+std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,
+                                         const std::string& b_name, const std::string& b_wkt) {
+  std::vector<std::string> all;
+  for (CrsDifference& one : compare_crs(a_name, a_wkt, b_name, b_wkt))
+    if (!one.text.empty()) all.push_back(std::move(one.text));
   return all;
+}
+
+CrsConflicts crs_conflicts(const std::string& a_name, const std::string& a_wkt,
+                           const std::string& b_name, const std::string& b_wkt) {
+  const auto [place, heights] = compare_crs(a_name, a_wkt, b_name, b_wkt);
+  return {place.certain ? place.text : "", heights.certain ? heights.text : ""};
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -57,5 +57,11 @@ std::string wkt_of(Srs srs);
 /// @param a_wkt, b_wkt empty: unknown
 std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,
                                          const std::string& b_name, const std::string& b_wkt);
+/// Which of them are certain: both surfaces name a CRS. Empty: not that.
+struct CrsConflicts {
+  std::string place = {}, heights = {};
+};
+CrsConflicts crs_conflicts(const std::string& a_name, const std::string& a_wkt,
+                           const std::string& b_name, const std::string& b_wkt);
 
 }  // namespace soilvdb::inline v0::io

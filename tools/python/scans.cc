@@ -13,6 +13,8 @@
 #include "io/scan/scan_messages.h"
 #include "soilvdb/survey.h"
 #include "tools/python/site.h"
+#include "tools/python/values.h"
+#include "tools/run/survey_input.h"
 
 namespace soilvdb::python {
 namespace {
@@ -126,6 +128,45 @@ py::dict rays_of(const SurveyValue& value) {
   return counts;
 }
 
+/// What soilvdb.SurveyedGround has.
+struct SurveyedGround {
+  double area_m2 = 0, removed_m3 = 0, added_m3 = 0, voids = 0, outside = 0;
+};
+
+SurveyedGround survey(Site& site, const TerrainValue& terrain, const py::object& boundary,
+                      bool trust_heights) {
+  tools::SurveyOptions options;
+  options.name = "the survey";
+  options.trusts_heights = trust_heights;
+  if (!boundary.is_none()) {
+    const Array given = rows(boundary, "boundary", 2);
+    if (given.shape(0) < 3) throw py::value_error("boundary must have 3 corners or more");
+    for (py::ssize_t i = 0; i < given.shape(0); ++i)
+      options.boundary.emplace_back(given.data() + 2 * i);
+  }
+  SurveyedGround made;
+  std::vector<std::string> warnings;
+  const StepResult step = site.with([&](Session& session) {
+    const io::Base base = io::open_base(terrain.terrain);
+    if (const Vec2 middle = base.bounds.center(); middle.allFinite())
+      session.begin_near(
+          {middle.x(), middle.y(), base.surface->height(middle.x(), middle.y()).value_or(0)});
+    const tools::SurveyInput input = tools::read_survey(session, base, options);
+    made = {input.area_m2, 0, 0, input.voids, input.outside};
+    warnings = input.warnings;
+    for (const SurveyHeights& part : input.parts) {
+      SurveyVolumes volumes;
+      if (StepResult taken = session.survey(part, volumes); !taken.ok()) return taken;
+      made.removed_m3 += volumes.removed_m3;
+      made.added_m3 += volumes.added_m3;
+    }
+    return StepResult();
+  });
+  tell(warnings);
+  require_good(step);
+  return made;
+}
+
 void bind_sensor(py::module_& m) {
   const auto none = py::none();
   py::class_<Sensor>(
@@ -233,7 +274,40 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
             v.of.removed_m3, v.of.added_m3, v.of.sigma_m3, rays.used, rays.masked, rays.through,
             rays.added, rays.dropped);
       });
+  py::class_<SurveyedGround>(m, "SurveyedGround", "What a survey changed, from Site.survey().")
+      .def_readonly("area_m2", &SurveyedGround::area_m2, "where the ground has its heights now")
+      .def_readonly("removed_m3", &SurveyedGround::removed_m3, "soil taken away")
+      .def_readonly("added_m3", &SurveyedGround::added_m3, "soil put in")
+      .def_readonly("voids", &SurveyedGround::voids,
+                    "part of the survey's area in which it has no height")
+      .def_readonly("outside", &SurveyedGround::outside,
+                    "part of the survey's area in which the site has no ground")
+      .def(py::pickle(
+          [](const SurveyedGround& s) {
+            return std::tuple(s.area_m2, s.removed_m3, s.added_m3, s.voids, s.outside);
+          },
+          [](const std::tuple<double, double, double, double, double>& t) {
+            const auto& [area, removed, added, voids, outside] = t;
+            return SurveyedGround{area, removed, added, voids, outside};
+          }))
+      .def("__repr__", [](const SurveyedGround& s) {
+        return fmt::format(
+            "soilvdb.SurveyedGround(area_m2={:.6g}, removed_m3={:.4g}, added_m3={:.4g})", s.area_m2,
+            s.removed_m3, s.added_m3);
+      });
   const auto none = py::none();
+  site.def(
+      "survey", &survey, py::arg("terrain"), py::kw_only(), py::arg("boundary") = none,
+      py::arg("trust_heights") = false,
+      "Gives the ground the heights of a survey, such as a drone's, and returns a "
+      "SurveyedGround. terrain: raster(), of a file or an array, or another Terrain. "
+      "boundary: corners (N, 2), m, world, within which it is taken; default: everywhere. Each "
+      "column of voxels gets the survey's mean height. Beside the survey and in its voids "
+      "nothing changes. What is added or removed is booked as surveyed, loads and cuts stay "
+      "as they are. Added soil is loose where soil moves, and stays however steep until "
+      "something changes there. Raises ValueError for another CRS, for a survey that misses "
+      "the site, and unless trust_heights if it is 5 m or more above or below the ground "
+      "nearly everywhere, as above another zero or in feet.");
   site.def(
           "scan", &scan, py::arg("sensor"), py::arg("points") = none, py::kw_only(),
           py::arg("depth") = none, py::arg("intrinsics") = none, py::arg("world") = false,

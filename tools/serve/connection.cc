@@ -18,6 +18,7 @@
 #include "tools/serve/feeder.h"
 #include "tools/serve/scanner.h"
 #include "tools/serve/server_state.h"
+#include "tools/serve/survey_post.h"
 #include "tools/serve/viewer.h"
 
 namespace soilvdb::tools {
@@ -76,7 +77,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
     wait();
     parser_.emplace();
     parser_->header_limit(kMostHeader);
-    parser_->body_limit(kMostFeed);
+    file_parser_.reset();
+    parser_->body_limit(kMostSurveyBytes);
     stream_.expires_after(std::exchange(asked_, true) ? kRequestTime : kFirstRequestTime);
     http::async_read_header(
         stream_, in_, *parser_,
@@ -137,7 +139,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
     if (post) {
       if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
       if (!state_.options.takes_feeds) return send(refusal(403, kOnlyLookedAt));
-      return expect_body(target);
+      if (path == "/survey") return receive_survey(target);
+      if (parser_->content_length().value_or(0) > kMostFeed) return refuse(http::error::body_limit);
+      parser_->body_limit(kMostFeed);
+      return expect_body([self = shared_from_this(), target] { self->read_body(target); });
     }
     if (const auto shown = state_.shown.find(path); shown != state_.shown.end())
       return send(page_reply(shown->second, request));
@@ -162,21 +167,60 @@ class Connection : public std::enable_shared_from_this<Connection> {
     close_after_ = true;
     if (error == http::error::body_limit)
       return send(refusal(
-          413, fmt::format("the body is larger than {} kB; send it in parts", kMostFeed >> 10)));
+          413, fmt::format("the body is larger than {} kB; send it in parts",
+                           (file_parser_ ? kMostSurveyBytes : std::uint64_t{kMostFeed}) >> 10)));
     send(refusal(400, "the request can't be answered: " + error.message()));
   }
 
   /// Some clients wait until they are asked for the body.
-  void expect_body(const std::string& target) {
+  void expect_body(std::function<void()> read) {
     const bool waits =
         !parser_->is_done() && beast::iequals(parser_->get()[http::field::expect], "100-continue");
-    if (!waits) return read_body(target);
+    if (!waits) return read();
     auto go_on = std::make_shared<http::response<http::empty_body>>(http::status::continue_, 11);
-    http::async_write(
-        stream_, *go_on,
-        [self = shared_from_this(), go_on, target](beast::error_code error, std::size_t) {
-          if (error) return self->end();
-          self->read_body(target);
+    http::async_write(stream_, *go_on,
+                      [self = shared_from_this(), go_on, read = std::move(read)](
+                          beast::error_code error, std::size_t) {
+                        if (error) return self->end();
+                        read();
+                      });
+  }
+
+  void receive_survey(const std::string& target) {
+    std::shared_ptr<SurveyPost> survey;
+    try {
+      survey = std::make_shared<SurveyPost>(state_, target, name_of(stream_.socket()));
+    } catch (const std::invalid_argument& e) {
+      return send(refusal(400, e.what()));
+    } catch (const std::exception& e) {
+      return send(refusal(503, e.what()));
+    }
+    expect_body([self = shared_from_this(), survey] {
+      self->file_parser_.emplace(std::move(*self->parser_));
+      beast::error_code error;
+      self->file_parser_->get().body().open(survey->file().c_str(), beast::file_mode::write, error);
+      if (error) return self->send(refusal(500, "the survey can't be kept: " + error.message()));
+      self->read_file(survey);
+    });
+  }
+
+  /// However long it takes, while something comes.
+  void read_file(const std::shared_ptr<SurveyPost>& survey) {
+    if (file_parser_->is_done()) {
+      file_parser_->get().body().close();
+      close_after_ = !file_parser_->get().keep_alive();
+      stream_.expires_never();
+      return survey->take(
+          [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
+    }
+    stream_.expires_after(kRequestTime);
+    http::async_read_some(
+        stream_, in_, *file_parser_,
+        [self = shared_from_this(), survey](beast::error_code error, std::size_t) {
+          if (error == beast::errc::no_space_on_device)
+            return self->send(refusal(507, "there is no room for the survey on the server's disk"));
+          if (error) return self->refuse(error);
+          self->read_file(survey);
         });
   }
 
@@ -291,7 +335,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
   void end() {
     beast::error_code ignored;
-    if (!parser_ || parser_->is_done()) {
+    if (file_parser_ ? file_parser_->is_done() : !parser_ || parser_->is_done()) {
       stream_.socket().shutdown(tcp::socket::shutdown_both, ignored);
       return end_quietly();
     }
@@ -317,6 +361,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   beast::tcp_stream stream_;
   beast::flat_buffer in_;
   std::optional<http::request_parser<http::string_body>> parser_;
+  std::optional<http::request_parser<http::file_body>> file_parser_;  ///< takes over for a survey
   std::optional<std::list<std::function<void()>>::iterator> waits_;
   bool asked_ = false, head_ = false, close_after_ = false;
 };

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Scans that correct the ground of a live site.
+// Scans and surveys that correct the ground of a live site.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -139,6 +139,14 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
                                                         survey.lip_errors_m[i].sigma};
   if (const std::string doubt = survey.rays.doubt(); !doubt.empty()) answer["warning"] = doubt;
   return answer;
+}
+
+SurveyVolumes LiveSite::survey(const SurveyHeights& heights) {
+  SurveyVolumes volumes;
+  if (const StepResult step = session_.survey(heights, volumes); !step.ok())
+    throw std::runtime_error(step.why);
+  ++fed_.count;
+  return volumes;
 }
 
 }  // namespace soilvdb::tools

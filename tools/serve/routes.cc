@@ -267,7 +267,7 @@ void ServerState::post(const std::string& text, std::string body, const std::str
     }
     if (path != "/clock")
       return done(refusal(405,
-                          "only GET is answered, and POST of /feed, /machines, /hoppers, "
+                          "only GET is answered, and POST of /feed, /survey, /machines, /hoppers, "
                           "/measures, /undo and /clock"));
     const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
@@ -349,6 +349,8 @@ void ServerState::answer(const std::string& text, const std::string& client,
       return done(refusal(404, "there are no lines; soilvdb serve takes some by --lines"));
     if (path == "/drape")
       return done(refusal(404, "there is no drape; soilvdb serve takes one by --drape"));
+    if (path == "/survey")
+      return done(refusal(405, "a survey is sent by POST, with its file as the body"));
     if (path == "/machines") {
       const QueryParameters parameters(*target, {});
       return done(json_reply(site.feeds()));

@@ -160,6 +160,7 @@ struct ServerState {
   std::set<Viewer*> viewers;
   std::atomic<bool> ending = false;
   bool undoing = false;
+  bool surveying = false;                            ///< a survey is being received or taken
   std::vector<std::function<void()>> waiting_feeds;  ///< until states are taken back
   /// Of Server::feed().
   std::shared_ptr<FeedSource> input = std::make_shared<FeedSource>();

@@ -30,6 +30,7 @@ from ._soilvdb import (
     Site,
     Soil,
     Survey,
+    SurveyedGround,
     Terrain,
     Update,
     Volume,
@@ -67,6 +68,7 @@ __all__ = [
     "StateError",
     "Steps",
     "Survey",
+    "SurveyedGround",
     "Terrain",
     "Update",
     "VectorSite",
@@ -92,9 +94,9 @@ __all__ = [
 ]
 
 for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Sensor,
-               Site, Soil, Survey, Terrain, Update, Volume, Wrench, depth_image, height_maps,
-               identify, lidar_turn, motions, plane, points, raster, read_raster, resistances,
-               snapshot, update_many, write_raster):
+               Site, Soil, Survey, SurveyedGround, Terrain, Update, Volume, Wrench, depth_image,
+               height_maps, identify, lidar_turn, motions, plane, points, raster, read_raster,
+               resistances, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 

@@ -1,0 +1,292 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Surveys as new ground, by POST, while machines are fed."""
+import asyncio
+import json
+import math
+import socket
+import struct
+import subprocess
+import threading
+import zlib
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+import soilvdb
+from live import Server, passes
+
+VOXEL = 0.25
+CELL = 0.5
+SIDE = 80  # posts
+
+
+def surface(level=0.0, waves=0.3):
+    """Heights of posts from (100.25, 200.25), rows from the south."""
+    y, x = np.mgrid[0:SIDE, 0:SIDE] * CELL
+    rough = waves * np.sin(0.4 * x) * np.cos(0.3 * y)
+    rough[[0, 1, -2, -1]] = rough[:, [0, 1, -2, -1]] = 0  # only whole columns of voxels are taken
+    return (10 + level + rough).astype(np.float32)
+
+
+def tif(path, heights, crs="EPSG:25832", first=(100.25, 200.25), options=()):
+    plain = path.with_name("plain.tif")
+    soilvdb.write_raster(plain, np.asarray(heights, np.float32), first, (CELL, CELL))
+    subprocess.run(["gdal_translate", "-q", *(["-a_srs", crs] if crs else []), *options, plain, path], check=True)
+    return path.read_bytes()
+
+
+def landxml(heights, step=8):
+    """A surface of every so many posts."""
+    rows = range(0, SIDE, step)
+    points, faces = [], []
+    for j in rows:
+        for i in rows:
+            points.append(f'<P id="{len(points) + 1}">{200.25 + CELL * j} {100.25 + CELL * i} {heights[j, i]}</P>')
+    n = len(rows)
+    for j in range(n - 1):
+        for i in range(n - 1):
+            a = j * n + i + 1
+            faces += [f"<F>{a} {a + 1} {a + n}</F>", f"<F>{a + 1} {a + n + 1} {a + n}</F>"]
+    return ('<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">'
+            '<Units><Metric linearUnit="meter"/></Units><Surfaces><Surface name="morning"><Definition '
+            f'surfType="TIN"><Pnts>{"".join(points)}</Pnts><Faces>{"".join(faces)}</Faces>'
+            "</Definition></Surface></Surfaces></LandXML>").encode()
+
+
+@pytest.fixture(name="site")
+def _site(tmp_path):
+    """40 m x 40 m of level ground at 10 m, from (100, 200)."""
+    tif(tmp_path / "ground.tif", surface(waves=0))
+    path = tmp_path / "site.yaml"
+    path.write_text(f"soilvdb: 1\nvoxel_size: {VOXEL}\nterrain: {{raster: ground.tif}}\n"
+                    "machines: [{name: digger, bucket: {width: 2.0, height: 1.0}}]\n"
+                    "soil: {repose_angle: 0.6, swell: 0.2}\noutput: {journal: {sync: always}}\n")
+    return path
+
+
+def served(site, *more):
+    return Server(site, *more, "--out", site.parent / "out", cwd=site.parent)
+
+
+def post(server, data, query="", headers=None):
+    status, body = server.get("/survey" + query, headers, "POST", data)
+    return status, json.loads(body)
+
+
+def take(server, data, query=""):
+    status, answer = post(server, data, query)
+    assert status == 200, answer
+    return answer
+
+
+def dig(server, begin=0.0, y=220.0, depth=0.6):
+    states = []
+    for state in passes("digger", y, depth, 40, begin):
+        x, _, z = state["position"]
+        states.append({**state, "position": [110 + x, y, 10 + z]})
+    assert all("error" not in answer for answer in server.feed(states))
+
+
+def digest(server):
+    return server.json("/summary.json")["state_hash"]
+
+
+def height(server, x, y, more=""):
+    return server.json(f"/height?x={x}&y={y}{more}")["height_m"]
+
+
+def integral(heights, before=10.0, low=(100.25, 200.25), high=(139.75, 239.75)):
+    """Volume between posts and a level, bilinear, over a rectangle of whole cells: the trapezoid rule is exact."""
+    i0, i1 = (round((v - 100.25) / CELL) for v in (low[0], high[0]))
+    j0, j1 = (round((v - 200.25) / CELL) for v in (low[1], high[1]))
+    d = heights[j0:j1 + 1, i0:i1 + 1].astype(float) - before
+    return CELL ** 2 * (d[:-1, :-1] + d[1:, :-1] + d[:-1, 1:] + d[1:, 1:]).sum() / 4
+
+
+# Errors of counts, 0.022 of a cell each in some two cells of a column, before and after.
+NOISE_M3 = 4 * 0.022 * VOXEL ** 3 * math.sqrt(2 * 2 * (39.5 / VOXEL) ** 2)
+
+
+def test_a_survey_is_the_ground_and_no_work(site, tmp_path):
+    heights = surface()
+    with served(site) as server:
+        dig(server)
+        before = server.json("/summary.json")
+        machine = server.json("/machines")["machines"][0]
+        answer = take(server, tif(tmp_path / "m.tif", heights))
+        assert 39 ** 2 <= answer["area_m2"] <= 39.5 ** 2 and answer["warnings"] == []
+        assert answer["voids"] == 0 and answer["outside"] == 0 and answer["time"] is None
+        assert answer["acknowledged_s"] == pytest.approx(0.39)
+        after = server.json("/summary.json")
+        volumes = after["volume_m3"]
+        assert volumes["surveyed_removed"] == pytest.approx(answer["removed_m3"])
+        assert volumes["surveyed_added"] == pytest.approx(answer["added_m3"])
+        assert after["mass_kg"]["residual"] == 0 and after["mass_kg"]["surveyed"] != 0
+        for kept in ("cut", "captured", "spilled", "fill"):
+            assert volumes[kept] == before["volume_m3"][kept], kept
+        assert server.json("/machines")["machines"][0]["bucket_m3"] == machine["bucket_m3"]
+        # The ground is that of the posts, however it was dug before.
+        change = volumes["ground_change"]
+        assert change == pytest.approx(integral(heights), abs=NOISE_M3)
+        x = np.arange(105, 135, 3.0)
+        z = [height(server, a, 220.25) for a in x]
+        wanted = [heights[40, round((a - 100.25) / CELL)] for a in x]
+        assert np.abs(np.subtract(z, wanted)).max() < VOXEL / 4
+        # The same again changes nothing.
+        hashed = digest(server)
+        again = take(server, (tmp_path / "m.tif").read_bytes())
+        assert again["removed_m3"] == again["added_m3"] == again["changed_m2"] == 0
+        assert digest(server) == hashed
+        dig(server, 1.0)
+        assert server.json("/summary.json")["mass_kg"]["residual"] == 0
+
+
+def test_triangles_of_landxml_are_taken_by_their_name(site):
+    heights = surface()
+    with served(site) as server:
+        status, answer = post(server, landxml(heights), "?surface=evening")
+        assert status == 400 and "morning" in answer["error"] and "/tmp" not in answer["error"]
+        answer = take(server, landxml(heights), "?surface=morning")
+        # The terrain has a CRS and this file none.
+        assert len(answer["warnings"]) == 1 and "names none" in answer["warnings"][0]
+        assert height(server, 112.25, 216.25) == pytest.approx(heights[32, 24], abs=0.02)
+
+
+def test_voids_and_boundaries_leave_the_ground(site, tmp_path):
+    heights = surface(level=-1)
+    heights[:, 40:] = np.nan
+    with served(site) as server:
+        data = tif(tmp_path / "m.tif", heights)
+        answer = take(server, data, "?boundary=105.1,205.1,115.1,205.1,115.1,215.1,105.1,215.1")
+        assert answer["area_m2"] == pytest.approx(100) and answer["voids"] == 0
+        assert height(server, 110, 210) < 9.5 and height(server, 110, 220) == pytest.approx(10)
+        answer = take(server, data)
+        assert answer["voids"] == pytest.approx(0.5, abs=0.02)
+        assert height(server, 130, 210) == pytest.approx(10)
+        # A part of it is beyond the terrain.
+        answer = take(server, tif(tmp_path / "e.tif", surface(), first=(120.25, 200.25)))
+        assert answer["outside"] == pytest.approx(0.5, abs=0.02)
+
+
+def test_what_was_before_and_after_it_is_kept_and_survives_a_kill(site, tmp_path):
+    area = "/volume?boundary=105,205,135,205,135,235,105,235"
+    data = tif(tmp_path / "m.tif", surface(-0.5))
+    with served(site) as server:
+        dig(server)
+        take(server, data)
+        dig(server, 2.0, 225.0)
+        hashed, live = digest(server), server.json(area)
+        server.kill()
+    with served(site) as server:
+        assert digest(server) == hashed
+        assert server.json(area) == live
+        before, after = server.json(area + "&time=0.3"), server.json(area + "&time=1")
+        assert before["cut_m3"] < 5 and after["cut_m3"] > 400
+        # A state before it is taken back, and the survey stays.
+        status, (answer,) = server.post("/undo?machine=digger&time=0.2")
+        assert status == 200 and answer["states"] > 40
+        undone = server.json(area)
+        assert undone["cut_m3"] == pytest.approx(after["cut_m3"], rel=1e-6)
+        assert server.json("/summary.json")["mass_kg"]["residual"] == 0
+        assert subprocess.run([server.process.args[0], "verify", site.parent / "out"],
+                              capture_output=True).returncode == 0
+
+
+def test_what_was_dug_since_it_was_measured_stays(site, tmp_path):
+    data = tif(tmp_path / "m.tif", surface(waves=0.02))
+    with served(site) as server:
+        dig(server)
+        dig(server, 10.0, 230.0)
+        bottom = [height(server, 112, y) for y in (220, 230)]
+        assert max(bottom) < 9.6
+        answer = take(server, data, "?time=5")
+        assert 0 < answer["dug_since"] < 0.05
+        # Measured between the two digs: the first was there, and it saw level ground again.
+        assert height(server, 112, 220) > 9.9 and height(server, 112, 230) == pytest.approx(bottom[1])
+        status, answer = post(server, data, "?time=500")
+        assert status == 400 and "time of the feeds" in answer["error"]
+        assert height(server, 112, 230) == pytest.approx(bottom[1])
+
+
+def test_viewers_and_feeds_go_on_meanwhile(site, tmp_path):
+    async def look(server, data):
+        async with server.connect("/view") as view, server.connect("/feed") as feed:
+            blocks, told = set(), 0
+            loop = asyncio.get_running_loop()
+            work = loop.run_in_executor(None, take, server, data)
+            n = 0
+            while not work.done():
+                await feed.send(json.dumps({"machine": "digger", "time": 0.01 * n, "position": [110, 220, 14],
+                                            "rotation": [0, 0, 0, 1]}))
+                told += "error" not in json.loads(await feed.recv())
+                n += 1
+            answer = await work
+            while len(blocks) < 25:  # of 8 m x 8 m
+                message = await asyncio.wait_for(view.recv(), 30)
+                if isinstance(message, bytes):
+                    blocks.add(struct.unpack_from("<ii", zlib.decompress(message)))
+            return answer, told
+    with served(site) as server:
+        answer, told = asyncio.run(look(server, tif(tmp_path / "m.tif", surface())))
+        assert told > 0 and answer["changed_m2"] > 1000
+
+
+@pytest.mark.parametrize("make, said", [
+    (lambda f: tif(f, surface(), crs="EPSG:25833"), "gdalwarp -t_srs EPSG:25832"),
+    (lambda f: tif(f, surface(), first=(900_000.0, 200.25)), "misses the site"),
+    (lambda f: tif(f, surface(47.3)), "above the same zero"),
+    (lambda f: tif(f, surface() / 0.3048), "feet"),
+    (lambda f: tif(f, surface(), crs="EPSG:4326"), "survey.tif"),
+    (lambda f: tif(f, surface(), options=("-a_nodata", "10")) and tif(f, np.full((SIDE, SIDE), np.nan)), "no height"),
+    (lambda f: tif(f, surface())[:20000], "damaged"),
+    (lambda f: b"\x89PNG\r\n\x1a\n" + bytes(500), "not a raster format"),
+    (lambda f: b"<?xml version='1.0'?><gpx/>", "survey.xml"),
+    (lambda f: b"--x\r\nContent-Disposition: form-data\r\n", "--data-binary"),
+    (lambda f: b"", "no body"),
+])
+def test_what_can_not_be_the_ground_is_refused_in_a_line(site, tmp_path, make, said):
+    with served(site) as server:
+        hashed = digest(server)
+        status, answer = post(server, make(tmp_path / "bad.tif"))
+        assert status == 400 and said in answer["error"] and "\n" not in answer["error"]
+        assert "/tmp" not in answer["error"] and str(tmp_path) not in answer["error"]
+        assert digest(server) == hashed
+        for query in ("?boundary=1,2,3", "?boundary=110,210,120,220,120,210,110,220", "?time=x", "?heights=ok", "?any=1"):
+            status, answer = post(server, tif(tmp_path / "m.tif", surface()), query)
+            assert status == 400, query
+            assert digest(server) == hashed
+        assert take(server, tif(tmp_path / "m.tif", surface(47.3)), "?heights=trusted")["warnings"]
+        assert height(server, 120, 220) > 50
+
+
+def test_only_feeders_send_surveys_and_large_ones_are_refused(site, tmp_path):
+    data = tif(tmp_path / "m.tif", surface())
+    with served(site, "--token", "feeds", "--view-token", "looks") as server:
+        assert post(server, data)[0] == 401
+        assert post(server, data, headers={"Authorization": "Bearer looks"})[0] == 403
+        assert post(server, data, headers={"Authorization": "Bearer feeds"})[0] == 200
+    with served(site) as server:
+        hashed = digest(server)
+        address = urlsplit(server.url)
+        with socket.create_connection((address.hostname, address.port), 30) as link:
+            link.sendall(f"POST /survey HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {1 << 33}\r\n\r\n".encode())
+            assert b" 413 " in link.recv(65536).split(b"\r\n")[0]
+        # One whose sender goes away is forgotten, and the next is taken.
+        with socket.create_connection((address.hostname, address.port), 30) as link:
+            link.sendall(f"POST /survey HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {len(data)}\r\n"
+                         "Expect: 100-continue\r\n\r\n".encode())
+            assert b" 100 " in link.recv(65536)
+            link.sendall(data[:1000])
+            status, answer = post(server, data)
+            assert status == 503 and "another survey" in answer["error"]
+        assert digest(server) == hashed
+        ended = threading.Event()
+        while not ended.wait(0.01):
+            status, answer = post(server, data)
+            if status == 200:
+                ended.set()
+            else:
+                assert status == 503
+        status, body = server.get("/survey")
+        assert status == 405
