@@ -19,7 +19,7 @@ namespace {
 constexpr int kPart = 128;
 /// Most columns of a survey: a square of 400 m in voxels of 10 cm. The ground then takes 1 GB.
 constexpr double kMostColumns = 1 << 24;
-constexpr std::size_t kMostCorners = 4096;
+constexpr std::size_t kMostSurveyCorners = 4096;
 constexpr double kMostIndex = (1 << 23) - 2;
 /// If nine tenths of a survey are farther from the ground than this, all above or all below it, its
 /// heights are above something else.
@@ -143,10 +143,10 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
   check_crs(site, survey, options, input.warnings);
   Box box = survey.bounds;
   if (!options.boundary.empty()) {
-    if (options.boundary.size() < 3 || options.boundary.size() > kMostCorners ||
+    if (options.boundary.size() < 3 || options.boundary.size() > kMostSurveyCorners ||
         crosses_itself(options.boundary))
       throw std::invalid_argument(fmt::format(
-          "a boundary must have 3 to {} corners, and sides that do not cross", kMostCorners));
+          "a boundary must have 3 to {} corners, and sides that do not cross", kMostSurveyCorners));
     Box around;
     for (const Vec2& corner : options.boundary) {
       if (!corner.allFinite()) throw std::invalid_argument("a boundary's corners must be numbers");
