@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Surveys as new ground, by POST, while machines are fed."""
 import asyncio
+import http.client
 import json
 import math
 import socket
@@ -14,7 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 import soilvdb
-from live import Server, passes
+from live import Server, passes, scenario
 
 VOXEL = 0.25
 CELL = 0.5
@@ -78,6 +79,14 @@ def take(server, data, query=""):
     status, answer = post(server, data, query)
     assert status == 200, answer
     return answer
+
+
+def send(server, data):
+    """To a server that is killed meanwhile."""
+    try:
+        post(server, data)
+    except (OSError, http.client.HTTPException):
+        pass
 
 
 def dig(server, begin=0.0, y=220.0, depth=0.6):
@@ -258,6 +267,73 @@ def test_what_can_not_be_the_ground_is_refused_in_a_line(site, tmp_path, make, s
             assert digest(server) == hashed
         assert take(server, tif(tmp_path / "m.tif", surface(47.3)), "?heights=trusted")["warnings"]
         assert height(server, 120, 220) > 50
+
+
+def told(server):
+    """The progress of the only area."""
+    return server.json("/progress")["areas"][0]
+
+
+def test_a_survey_is_no_progress(site, tmp_path):
+    tif(tmp_path / "design.tif", surface(-2, 0))
+    with served(site, "--design", tmp_path / "design.tif") as server:
+        corners = [[105, 205], [135, 205], [135, 235], [105, 235]]
+        change = {"add": {"kind": "boundary", "name": "pit", "points": corners}}
+        status, _ = server.post("/measures", [change])
+        assert status == 200
+
+        def strips(begin, first):
+            """Ten minutes of work."""
+            for k in range(10):
+                for i, state in enumerate(passes("digger", 0, 0.8, 13)):
+                    x, _, _ = state["position"]
+                    yield {**state, "time": begin + 60 * k + 4.5 * i,
+                           "position": [110 + 3 * x, 210 + 2 * (first + k), 9 if i < 12 else 13]}
+
+        assert not [answer for answer in server.feed(strips(100, 0)) if "error" in answer]
+        first = told(server)
+        assert first["rate_m3_per_h"] > 0
+        left = first["to_cut_m3"] + first["to_fill_m3"]
+        # Ground that lies a metre lower is less to cut, but no machine did it.
+        take(server, tif(tmp_path / "m.tif", surface(-1.5, 0)), "?heights=trusted")
+        then = told(server)
+        assert then["to_cut_m3"] + then["to_fill_m3"] < left - 500
+        assert then["rate_m3_per_h"] is None and "since the last survey" in then["note"]
+        server.kill()
+    with served(site, "--design", tmp_path / "design.tif") as server:
+        assert told(server) == then
+
+
+def test_a_kill_amid_a_survey_leaves_parts_of_it_and_the_rest_follows(tmp_path):
+    heights = np.zeros((121, 121), np.float32)
+    heights[2:-2, 2:-2] = 0.3 * np.random.default_rng(1).random((117, 117))
+    data = tif(tmp_path / "m.tif", heights, crs=None, first=(-30, -30))
+    path = scenario(tmp_path, "output: {journal: {sync: always}}\n")
+    states = list(passes("digger", 0.0, 0.3, 20))
+    wanted = None
+    for attempt in range(6):
+        out = tmp_path / f"out{attempt}"
+        with Server(path, "--out", out, cwd=tmp_path) as server:
+            assert all("error" not in answer for answer in server.feed(states))
+            if wanted is None:
+                take(server, data)
+                wanted, parts = digest(server), server.json("/summary.json")["acknowledged"]["updates"] - 20
+                assert parts > 50
+                continue
+            worker = threading.Thread(target=send, args=(server, data))
+            worker.start()
+            while server.json("/summary.json")["volume_m3"].get("surveyed_added", 0) == 0:
+                pass
+            server.kill()
+            worker.join()
+        with Server(path, "--out", out, cwd=tmp_path) as server:
+            done = server.json("/summary.json")["acknowledged"]["updates"] - 20
+            assert digest(server) != wanted or done == parts
+            take(server, data)
+            assert digest(server) == wanted
+        if 0 < done < parts:
+            return
+    raise AssertionError("it was never killed amid the survey")
 
 
 def test_only_feeders_send_surveys_and_large_ones_are_refused(site, tmp_path):

@@ -146,6 +146,8 @@ SurveyVolumes LiveSite::survey(const SurveyHeights& heights) {
   if (const StepResult step = session_.survey(heights, volumes); !step.ok())
     throw std::runtime_error(step.why);
   ++fed_.count;
+  fed_.log.note_survey();
+  ++changes_of_past_;  // what was known of the ground at the latest time
   return volumes;
 }
 

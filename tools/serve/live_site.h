@@ -109,8 +109,8 @@ class LiveSite {
   std::optional<double> from_s() const { return fed_.log.from_s(); }
   std::optional<double> time_s() const { return fed_.log.time_s(); }
   const WorkLog& log() const { return fed_.log; }
-  /// Number of changes of the past: clocks set, after which earlier states have other times, and
-  /// states taken back.
+  /// Number of changes of the past: clocks set, after which earlier states have other times,
+  /// states taken back, and surveys, which count from the latest state on.
   std::uint64_t changes_of_past() const { return changes_of_past_; }
   std::uint64_t undos() const { return undos_; }
   /// Sets the commands in messages. @param curl "curl -X POST" with its options

@@ -186,7 +186,9 @@ void ProgressQuery::sum(Progress& progress, double area_m2) const {
   }
   const double now_s = progress.times_s.back();
   std::size_t since = progress.times_s.size() - 1;
-  while (since > 0 && progress.over_h < kRateOver_h)
+  const std::optional<double> surveyed_s = log_->surveyed_s();
+  const auto is_work = [&](double time_s) { return !surveyed_s || time_s >= *surveyed_s; };
+  while (since > 0 && progress.over_h < kRateOver_h && is_work(progress.times_s[since - 1]))
     progress.over_h = worked_h(progress.times_s[--since], now_s);
   const std::string over = hours_text(progress.over_h);
   if (progress.over_h >= kLeastRate_h)
@@ -197,7 +199,8 @@ void ProgressQuery::sum(Progress& progress, double area_m2) const {
     return;
   }
   if (!progress.per_h) {
-    progress.note = "machines have worked less than a minute";
+    progress.note = fmt::format("machines have worked less than a minute{}",
+                                surveyed_s ? " since the last survey" : "");
     return;
   }
   if (*progress.per_h <= 0) {

@@ -12,6 +12,7 @@
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "soilvdb/capacity.h"
+#include "soilvdb/site.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -181,6 +182,8 @@ void WorkLog::add(const io::JournalUpdate& update) {
   if (update.kind == Kind::kClock && of_machine) set_clock(update.machine);
   if (std::isfinite(update.begin_s)) note_time(update.begin_s);
   if (std::isfinite(update.end_s)) note_time(update.end_s);
+  if (update.kind == Kind::kSurvey && !Site::is_of_scans(io::unpack_survey(update.survey)))
+    note_survey();
   if (!update.has_rows() || !of_machine) return;
   const io::MotionRows& rows = update.rows;
   Machine& work = machines_[update.machine];

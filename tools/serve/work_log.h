@@ -85,6 +85,10 @@ class WorkLog {
   /// First and latest time, if a state had one.
   std::optional<double> from_s() const { return from_s_; }
   std::optional<double> time_s() const { return time_s_; }
+  /// The ground became that of a survey: how it changed then is no work.
+  void note_survey() { surveyed_s_ = time_s_; }
+  /// The latest time at which it did.
+  std::optional<double> surveyed_s() const { return surveyed_s_; }
   /// Did a machine move shortly before the latest time?
   bool works(std::size_t machine) const;
 
@@ -97,7 +101,7 @@ class WorkLog {
   /// Time from which updates must record what hoppers received; empty: there are no hoppers.
   std::optional<double> hauls_from_s_;
   std::vector<Machine> machines_;
-  std::optional<double> from_s_, time_s_;
+  std::optional<double> from_s_, time_s_, surveyed_s_;
 };
 
 /// A site's repeated message to viewers: its machines' places, loads and work.
