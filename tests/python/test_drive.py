@@ -207,3 +207,98 @@ def test_rows_of_another_number_are_refused():
     plain = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
     with pytest.raises(ValueError, match="has no joints"):
         plain.base(0)
+
+
+def test_joints_are_an_array_or_go_by_name_in_every_call():
+    _, joints, positions, rotations = drive(6)
+    named = {name: joints[:, k] for k, name in reversed(list(enumerate(JOINTS)))}
+    base = matrices(positions, rotations)
+    given = ({"joints": joints}, {"joints": named}, {"joints": joints.tolist()})
+
+    def loop(site, place):
+        for n in range(6):
+            by_name = {name: values[n] for name, values in named.items()}
+            move = site.place if place and n == 0 else site.update
+            move("digger", joints=by_name if place else joints[n], base=base[n], time=float(n))
+        return site
+
+    up = base + 5 * np.eye(4)[2][:, None] * np.eye(4)[3]  # 5 m higher, in the air
+    alone = loop(excavator(), False).save()
+    lifted = excavator()
+    for n in range(6):
+        lifted.place("digger", joints={name: v[n] for name, v in named.items()}, base=up[n])
+    for way in given:
+        path = excavator()
+        path.update_path(0, **way, base=base, times=np.arange(6.0))
+        assert path.save() == alone
+        raised = excavator()
+        poses = raised.pose("digger", **way, base=up)
+        assert np.array_equal(poses[0][-1], lifted.pose(0)[0])
+    many = [excavator() for _ in range(6)]
+    soilvdb.update_many(many, "digger", joints=named, base=base, times=np.arange(6.0))
+    steps = soilvdb.VectorSite(excavator(), 6)
+    assert not steps.step("digger", joints=named, base=base, times=np.arange(6.0)).errors
+    for n, site in enumerate(many):
+        one = excavator()
+        one.update(0, joints=joints[n], base=base[n], time=float(n))
+        assert one.save() == site.save() == steps.sites[n].save()
+    noise = {"joints": {"bias": 0.001}}
+    spreads = []
+    for by_name in (False, True):
+        ensemble = soilvdb.Ensemble(excavator(), noise, clones=4)
+        for n in range(6):
+            own = {k: v[n] for k, v in named.items()} if by_name else joints[n]
+            ensemble.update("digger", joints=own, base=base[n])
+        spreads.append(ensemble.cut())
+    assert spreads[0] == spreads[1] and spreads[0].sigma > 0
+
+
+@pytest.mark.parametrize("state, why", [
+    (dict(joints={name: 0.0 for name in JOINTS[1:]}), "joints: joint 'swing_joint' is missing"),
+    (dict(joints={name: 0.0 for name in [*JOINTS[:3], "bucket_jiont"]}),
+     "unknown joint 'bucket_jiont'; did you mean 'bucket_joint'"),
+    (dict(joints=HOME[:2]), "has 4 joints|4 joints|2"),
+    (dict(position=(0, 0)), "position has 2 numbers; it must have 3"),
+    (dict(position=(0, 0, 5), rotation=np.ones(3)), "rotation has the shape"),
+    (dict(pose=2 * np.eye(4)), "pose is not a rigid transform"),
+    (dict(pose=np.eye(3)), "pose has the shape"),
+    (dict(joints=HOME, base=2 * np.eye(4)), "base: pose is not a rigid transform"),
+])
+def test_states_that_are_none_are_refused_by_name(state, why):
+    site = excavator()
+    site.update(0, joints=HOME, base=((0, 0, 5), (0, 0, 0, 1)))
+    before = site.save()
+    many = {"position": "positions", "rotation": "rotations", "pose": "poses"}
+    rows = {many.get(key, key): ({name: [v] for name, v in value.items()} if isinstance(value, dict)
+                                 else np.asarray(value)[None]) for key, value in state.items()}
+    env = soilvdb.VectorSite(site, 1)
+    calls = [lambda: site.update(0, **state), lambda: site.place("digger", **state),
+             lambda: site.update_path("digger", **rows),
+             lambda: soilvdb.update_many([site], 0, **rows)]
+    for call in calls:
+        with pytest.raises(soilvdb.StateError) as told:
+            call()
+        assert told.value.machine == "digger" and str(told.value).endswith(told.value.reason)
+        assert "'digger'" not in told.value.reason and "\n" not in str(told.value)
+    with pytest.raises(soilvdb.StateError, match=why):
+        site.update(0, **state)
+    try:
+        error = env.step(0, **rows).errors[0]
+    except soilvdb.StateError as whole:
+        error = whole
+    assert error.machine == "digger" and error.reason
+    assert site.save() == before == env.sites[0].save()
+    for call in (site.update, site.place, site.update_path):
+        with pytest.raises(ValueError, match="there is no machine") as told:
+            call("diger", **(rows if call == site.update_path else state))
+        assert not isinstance(told.value, soilvdb.StateError)
+
+
+def test_a_machine_without_joints_refuses_them_by_name():
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Machine(soilvdb.Bucket(1, 1), "digger")])
+    for call in (site.update, site.place, site.update_path,
+                 lambda machine, joints: soilvdb.update_many([site], machine, joints=joints),
+                 soilvdb.VectorSite(site, 1).step):
+        with pytest.raises(soilvdb.StateError, match="joints: the machine has none") as told:
+            call("digger", joints={"boom": [0.0]})
+        assert told.value.machine == "digger"

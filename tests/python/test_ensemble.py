@@ -224,3 +224,18 @@ def test_wrong_noise_is_told(noise, clones, why):
     with pytest.raises(ValueError) as error:
         soilvdb.Ensemble(new_site(), noise, clones=clones)
     assert str(error.value).startswith(why)
+
+
+def test_a_pose_is_its_position_and_rotation():
+    turn, loads = (0.0, math.sin(-0.1), 0.0, math.cos(-0.1)), []
+    rows = [[math.cos(-0.2), 0, math.sin(-0.2)], [0, 1, 0], [-math.sin(-0.2), 0, math.cos(-0.2)]]
+    for as_pose in (False, True):
+        ensemble = soilvdb.Ensemble(new_site(), {"position": {"bias": 0.01}}, clones=4)
+        for x in np.linspace(0, 2, 30):
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = rows, (x, 0, -DEPTH)
+            given = {"pose": pose} if as_pose else {"position": pose[:3, 3], "rotation": turn}
+            ensemble.update(0, **given)
+        loads.append(ensemble.load(0))
+    assert (loads[0].mean, loads[0].sigma) == pytest.approx((loads[1].mean, loads[1].sigma), rel=1e-3)
+    assert loads[0].sigma > 0.005 * loads[0].mean

@@ -267,8 +267,8 @@ def test_bad_states_raise_and_change_nothing(soil, arguments, error, message):
 
 @pytest.mark.parametrize("arguments, error, message", [
     (dict(joints=np.zeros((5, 0))), ValueError, r"joints must have the shape \(N, joints\)"),
-    (dict(positions=[(0, 0, 0)], times=[np.nan]), ValueError, "times has a nan"),
-    (dict(poses=np.diag([1, 1, -1, 1])[None]), ValueError, "state 0: pose is not a rigid transform"),
+    (dict(positions=[(0, 0, 0)], times=[np.nan]), soilvdb.StateError, "state 0: .* time must be finite"),
+    (dict(poses=np.diag([1, 1, -1, 1])[None]), ValueError, "state 0: machine 'machine 0': pose is not a rigid transform"),
 ])
 def test_bad_paths_raise_and_change_nothing(soil, arguments, error, message):
     site = make_site(soil)
@@ -282,7 +282,7 @@ def test_bad_paths_raise_and_change_nothing(soil, arguments, error, message):
 def test_a_path_says_which_matrix_is_none():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[2, 0, 0] = 5
-    with pytest.raises(ValueError, match="state 2: pose is not a rigid transform"):
+    with pytest.raises(ValueError, match="state 2: machine 'machine 0': pose is not a rigid"):
         make_site().update_path(0, poses=poses)
 
 
@@ -388,7 +388,10 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: soilvdb.update_many(s, 0, positions=[]),
      "sites must be a list of soilvdb.Site, not Site"),
     (lambda s: soilvdb.update_many([s], 0),
-     "update_many() misses 'positions'; it takes (sites, machine, positions, rotations, time)"),
+     "give one of positions (with rotations), poses or joints"),
+    (lambda s: soilvdb.update_many([s], 0, positions=np.zeros((1, 3)), time=1.0, times=[1.0]),
+     "give either time or times"),
+    (lambda s: s.heights(np.zeros((2, 2), complex)), "xy must be numbers, not an array of complex128"),
     (lambda s: soilvdb.Site.update(3, 0), "self must be Site, not int"),
     (lambda s: s.mesh(1), "mesh() takes no more arguments than ()"),
 ])

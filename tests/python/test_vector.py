@@ -79,7 +79,13 @@ def test_a_bad_state_fails_alone_and_says_why(start):
     matrices[:, :3, 3] = positions[9]
     matrices[4, 0, 0] = 3
     steps = env.step(0, poses=matrices)
-    assert steps.status.tolist() == [0, 0, 0, 0, 1] and "rigid transform" in str(steps.errors[4])
+    assert steps.status.tolist() == [0, 0, 0, 0, 1]
+    assert str(steps.errors[4]).startswith("site 4: machine 'machine 0': pose is not a rigid")
+    for bad in (np.nan, np.inf):
+        steps = env.step(0, positions=positions[10], times=[1, bad, 1, 1, 1])
+        assert steps.status.tolist() == [0, 1, 0, 0, 0]
+        assert isinstance(steps.errors[1], soilvdb.StateError) and "time" in steps.errors[1].reason
+        assert steps.errors[1].machine == "machine 0"
 
 
 def test_ground_that_ends_is_another_status():
@@ -170,6 +176,19 @@ def swell_of(site):
     return soil.swell if soil else 0.0
 
 
+class OnlyDLPack:
+    """One whose memory is to be had in no other way."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def __dlpack__(self, **_):
+        return self.values.__dlpack__()
+
+    def __dlpack_device__(self):
+        return self.values.__dlpack_device__()
+
+
 def test_arrays_go_to_other_libraries_without_a_copy(start):
     env = soilvdb.VectorSite(start, COUNT)
     steps = env.step(0, positions=paths()[0][4])
@@ -190,18 +209,6 @@ def test_arrays_go_to_other_libraries_without_a_copy(start):
 
         def __dlpack__(self, **_):
             return self.values.__dlpack__()
-
-    class OnlyDLPack:
-        """One whose memory is to be had in no other way."""
-
-        def __init__(self, values):
-            self.values = values
-
-        def __dlpack__(self, **_):
-            return self.values.__dlpack__()
-
-        def __dlpack_device__(self):
-            return self.values.__dlpack_device__()
 
     class Copies(OnlyDLPack):
         """One that gives NumPy a copy: writing into that would fill nothing."""
@@ -226,7 +233,9 @@ def test_wrong_calls_are_told(start):
             (lambda: env.step(0, positions=np.zeros((3, 3))), ValueError, "3 states for 2 sites"),
             (lambda: env.step(1, positions=np.zeros((2, 3))), ValueError, "no machine 1"),
             (lambda: env.step(0, joints={"boom": [0, 0]}), ValueError, "machine has none"),
-            (lambda: env.step(0, positions=np.zeros((2, 3)), times=[1, np.nan]), ValueError, "nan"),
+            (lambda: env.step(0, positions=np.zeros((2, 3)), times=np.array([1 + 1j, 2])), TypeError,
+             "times must be numbers, not an array of complex128"),
+            (lambda: env.randomise(z=[1j, 2]), TypeError, "z must be numbers"),
             (lambda: soilvdb.VectorSite(start, 0), ValueError, "count is 0"),
             (lambda: env.step(0, positions=np.zeros((2, 3)), times=[1, 2, 3]), ValueError,
              r"times has the shape \(3,\)"),
@@ -241,3 +250,29 @@ def test_wrong_calls_are_told(start):
         with pytest.raises(error, match=message) as told:
             call()
         assert "\n" not in str(told.value)
+
+
+def test_arrays_come_from_other_libraries(start):
+    """Also those that offer nothing but DLPack."""
+    positions, rotations = paths()
+    env, same = soilvdb.VectorSite(start, COUNT), soilvdb.VectorSite(start, COUNT)
+    for n, (p, q) in enumerate(zip(positions, rotations)):
+        env.step(0, positions=p, rotations=q, times=np.full(COUNT, float(n)))
+        same.step(0, positions=OnlyDLPack(p), rotations=OnlyDLPack(q),
+                  times=OnlyDLPack(np.full(COUNT, n, np.float32)))
+    assert [s.save() for s in env.sites] == [s.save() for s in same.sites]
+    site, xy = same.sites[0], np.random.default_rng(1).uniform(-1, 3, (40, 2))
+    assert (site.heights(OnlyDLPack(xy)) == site.heights(xy)).all()
+    assert site.volume(OnlyDLPack(xy[:3])).cut_m3 == site.volume(xy[:3]).cut_m3
+    down = np.array([(0.0, 0.0, -1.0)])
+    assert site.cast(OnlyDLPack(np.array([1.0, 0.1, 4.0])), OnlyDLPack(down)) == site.cast(
+        (1.0, 0.1, 4.0), down)
+    assert start.clone().update(0, position=OnlyDLPack(np.array([0.0, 0.0, 1.0]))).cut_m3 == 0
+    ground = [soilvdb.Site(0.1, soilvdb.raster(heights, origin=(0, 0), cell=1.0), []) for heights in
+              (OnlyDLPack(np.eye(3)), np.eye(3))]
+    assert ground[0].heights([(0.3, 0.2)]) == ground[1].heights([(0.3, 0.2)])
+    same.randomise(repose_angle=OnlyDLPack(np.linspace(0.5, 0.7, COUNT)))
+    assert same.sites[2].soil.repose_angle == pytest.approx(0.6)
+    same.reset(OnlyDLPack(np.array([0, 1])))
+    with pytest.raises(TypeError, match="xy must be numbers, not OnlyDLPack|complex"):
+        site.heights(OnlyDLPack(xy.astype(complex)))

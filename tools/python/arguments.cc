@@ -63,11 +63,16 @@ Array array_of(const py::handle& given, const char* name) {
     throw py::type_error(
         fmt::format("{} has masked values; fill them, for instance with nan", name));
   py::array any;
+  const auto is_numbers = [&] {
+    return any && std::string("fiub").find(any.dtype().kind()) != std::string::npos;
+  };
   try {
     any = py::array::ensure(given);
+    if (!is_numbers() && py::hasattr(given, "__dlpack__"))
+      any = py::array::ensure(py::module_::import("soilvdb._arrays").attr("view_of")(given));
   } catch (const py::error_already_set&) {
   }
-  if (!any || std::string("fiub").find(any.dtype().kind()) == std::string::npos) {
+  if (!is_numbers()) {
     PyErr_Clear();
     throw py::type_error(fmt::format(
         "{} must be numbers, not {}", name,

@@ -73,10 +73,12 @@ Update update(Site& site, const MachineName& machine, const py::object& position
   MachineState state;
   std::vector<double> values;
   state.time_s = time;
-  if (joints.is_none()) {
-    if (!base.is_none()) throw py::type_error("base goes with joints");
-    state.pose = pose(position, rotation, matrix);
-  } else {
+  reading_states(site, machine, [&] {
+    if (joints.is_none()) {
+      if (!base.is_none()) throw py::type_error("base goes with joints");
+      state.pose = pose(position, rotation, matrix);
+      return;
+    }
     if (!position.is_none() || !rotation.is_none() || !matrix.is_none())
       throw py::type_error("give either joints or a pose");
     const bool is_row = PyTuple_Check(joints.ptr()) || PyList_Check(joints.ptr()) ||
@@ -85,7 +87,7 @@ Update update(Site& site, const MachineName& machine, const py::object& position
     if (values.empty()) throw py::value_error("joints has no numbers");
     state.joints = values;
     state.base = base_of(base);
-  }
+  });
   std::string name;
   std::vector<std::string> warnings;
   const StepResult step = site.with([&](Session& session) {
@@ -104,7 +106,10 @@ Update update(Site& site, const MachineName& machine, const py::object& position
 py::dict update_path(Site& site, const MachineName& machine, const py::object& positions,
                      const py::object& rotations, const py::object& poses, const py::object& joints,
                      const py::object& base, const py::object& times) {
-  const States states(positions, rotations, poses, joints, base, times, joint_names(site, machine));
+  const std::vector<std::string> known = joint_names(site, machine);
+  const States states = reading_states(site, machine, [&] {
+    return States(positions, rotations, poses, joints, base, times, known);
+  });
   const char* const names[] = {"cut_m3", "bucket_m3", "spilled_m3", "slid_m3", "us"};
   std::vector<Array> columns;
   std::vector<double*> out;
@@ -129,7 +134,7 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
         state.machine = number;
         step = session.update(state);
       } catch (const py::value_error& e) {
-        step = {Status::kBadState, e.what(), {}};
+        step = no_state(name, e.what());
       }
       if (!step.ok()) break;
       const Update& u = step.update;
@@ -376,7 +381,8 @@ void bind_site(py::module_& m) {
            "the machine stands. time: s, must not go back. If states have times, joints and base "
            "move evenly between states, pours fall, and hoppers come and go. Raises StateError for "
            "an invalid state, or one that no machine has, NoGroundError "
-           "where the terrain has no height; nothing has moved then. Warns once of a bucket that "
+           "where the terrain has no height, TypeError for what is not numbers; nothing has moved "
+           "then. Warns once of a bucket that "
            "moves backwards through soil for 2 m and catches none.")
       .def(
           "place", &update<&Session::place>, py::arg("machine"), py::kw_only(),

@@ -74,9 +74,24 @@ std::size_t machine_of(Session& session, const MachineName& given);
 /// @param before the message's beginning, such as "state 3: "
 py::object error_of(const StepResult& step, const std::string& machine,
                     const std::string& before = "");
+[[noreturn]] void throw_error(const py::object& error);
 /// @throw that error unless the step is good
 void require_good(const StepResult& step, const std::string& machine = "",
                   const std::string& before = "");
+
+/// The result of a state that is none. @param why without the machine
+StepResult no_state(const std::string& machine, const std::string& why);
+/// @throw StateError that a machine's state is none; the error of an unknown machine
+[[noreturn]] void refuse_state(Site& site, const MachineName& machine, const std::string& why);
+/// Calls f(), which reads states of a machine. @throw StateError in place of py::value_error
+template <typename F>
+auto reading_states(Site& site, const MachineName& machine, const F& f) {
+  try {
+    return f();
+  } catch (const py::value_error& e) {
+    refuse_state(site, machine, e.what());
+  }
+}
 
 /// Warns of what was noticed during an update that is made: it may not raise, where warnings are
 /// errors, because the update's results would be lost.

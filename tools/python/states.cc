@@ -53,11 +53,23 @@ py::object error_of(const StepResult& step, const std::string& machine, const st
           before + step.why, machine.empty() ? py::object(py::none()) : py::str(machine), reason);
 }
 
-void require_good(const StepResult& step, const std::string& machine, const std::string& before) {
-  if (step.ok()) return;
-  const py::object error = error_of(step, machine, before);
+void throw_error(const py::object& error) {
   PyErr_SetObject(py::type::of(error).ptr(), error.ptr());
   throw py::error_already_set();
+}
+
+void require_good(const StepResult& step, const std::string& machine, const std::string& before) {
+  if (!step.ok()) throw_error(error_of(step, machine, before));
+}
+
+StepResult no_state(const std::string& machine, const std::string& why) {
+  return {Status::kBadState, fmt::format("machine '{}': {}", machine, why), {}};
+}
+
+void refuse_state(Site& site, const MachineName& machine, const std::string& why) {
+  const std::string name = site.with(
+      [&](Session& session) { return session.machines()[machine_of(session, machine)].name; });
+  throw_error(error_of(no_state(name, why), name));
 }
 
 void tell(const std::vector<std::string>& lines) {
@@ -128,8 +140,6 @@ States::States(const py::object& positions, const py::object& rotations, const p
   if (times.is_none()) return;
   times_s_ = numbers(times, "times");
   require_count("times", static_cast<py::ssize_t>(times_s_.size()), count_);
-  if (std::any_of(times_s_.begin(), times_s_.end(), [](double t) { return std::isnan(t); }))
-    throw py::value_error("times has a nan; leave times out if they are unknown");
 }
 
 MachineState States::at(std::size_t row) const {

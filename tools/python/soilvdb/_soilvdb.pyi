@@ -19,6 +19,8 @@ _Layer = Literal["height", "loose", "dug", "design"]
 _Joints = _Numbers | Mapping[str, float]
 _Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 _Base = tuple[_Numbers, _Numbers] | _Rows
+_Poses = Sequence[_Rows] | npt.NDArray[np.floating[Any]]
+_Bases = tuple[_Rows, _Rows] | _Poses
 
 class Bucket:
     def __init__(
@@ -224,9 +226,9 @@ class Site:
         *,
         positions: _Rows | None = ...,
         rotations: _Rows | None = ...,
-        poses: Any = ...,
+        poses: _Poses | None = ...,
         joints: _Rows | Mapping[str, _Numbers] | None = ...,
-        base: tuple[_Rows, _Rows] | npt.NDArray[np.floating[Any]] | None = ...,
+        base: _Bases | None = ...,
         times: _Numbers | None = ...,
     ) -> dict[str, npt.NDArray[np.float64]]: ...
     def joints(self, machine: int | str) -> list[str]: ...
@@ -237,7 +239,7 @@ class Site:
         self,
         machine: int | str,
         joints: _Joints | _Rows | Mapping[str, _Numbers] | None = ...,
-        base: Any = ...,
+        base: _Base | _Bases | None = ...,
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def pour(self, until: float) -> None: ...
     def reset_clock(self, machine: int | str) -> None: ...
@@ -430,6 +432,7 @@ def height_maps(
     out: npt.NDArray[Any] | None = ...,
     threads: int | None = ...,
 ) -> npt.NDArray[Any]: ...
+def _array(given: Any, name: str) -> npt.NDArray[np.float64]: ...
 def _step_sites(
     sites: tuple[Site, ...],
     machine: int | str,
@@ -445,7 +448,11 @@ def update_many(
     sites: Iterable[Site],
     machine: int | str,
     *,
-    positions: _Rows,
+    positions: _Rows | None = ...,
     rotations: _Rows | None = ...,
+    poses: _Poses | None = ...,
+    joints: _Rows | Mapping[str, _Numbers] | None = ...,
+    base: _Bases | None = ...,
+    times: _Numbers | None = ...,
     time: float | None = ...,
 ) -> list[Update]: ...

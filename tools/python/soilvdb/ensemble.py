@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from ._errors import NoGroundError
 from ._force import Wrench
-from ._soilvdb import Site, Soil, Update, resistances, update_many
+from ._soilvdb import Site, Soil, Update, _array, resistances, update_many
 from .noise import Floats, Noise, Signal, of, turned, turned_about
 
 _Numbers = Union[Sequence[float], npt.NDArray[np.floating[Any]]]  # read by Python 3.9
+_Joints = Union[_Numbers, Mapping[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,27 +159,33 @@ class Ensemble:
         return machine if isinstance(machine, str) else self._site.machines[machine]
 
     def update(self, machine: int | str, *, position: _Numbers | None = None,
-               rotation: _Numbers | None = None, joints: _Numbers | None = None,
+               rotation: _Numbers | None = None, pose: Any = None, joints: _Joints | None = None,
                base: Any = None, time: float | None = None) -> Update:
-        """Site.update() of the site, and of each clone with its errors. Without time, drifting
-        errors stay constant. A clone that would leave the terrain waits for the next state.
+        """Site.update() of the site, with its arguments, and of each clone with its errors. Without
+        time, drifting errors stay constant. A clone that would leave the terrain waits for the next
+        state.
 
         Raises the errors of Site.update(); then no clone has moved either.
         """
-        update = self._site.update(machine, position=position, rotation=rotation, joints=joints,
-                                   base=base, time=time)
+        update = self._site.update(machine, position=position, rotation=rotation, pose=pose,
+                                   joints=joints, base=base, time=time)
         own = self._machines[self._name(machine)]
         elapsed_s = own.elapsed_s(time)
         if joints is not None:
-            values = own.erring_joints(np.asarray(joints, dtype=float), elapsed_s)
+            row: Any = joints
+            if hasattr(joints, "keys"):
+                row = [row[name] for name in self._site.joints(machine)]
+            values = own.erring_joints(_array(row, "joints"), elapsed_s)
             positions, rotations = self._site.pose(machine, values)
             if own.rotation:
                 positions, rotations = turned_about(self._site.base(machine),
                                                     own.rotation.at(elapsed_s), positions,
                                                     rotations)
         else:
-            turn = np.array((0.0, 0.0, 0.0, 1.0) if rotation is None else rotation, dtype=float)
-            positions = np.broadcast_to(np.asarray(position, dtype=float), (own.clones, 3))
+            if pose is not None:
+                position, rotation = self._site.pose(machine)
+            turn = _array((0.0, 0.0, 0.0, 1.0) if rotation is None else rotation, "rotation")
+            positions = np.broadcast_to(_array(position, "position"), (own.clones, 3))
             rotations = (turned(turn, own.rotation.at(elapsed_s)) if own.rotation else
                          np.broadcast_to(turn, (own.clones, 4)))
         if own.position:

@@ -11,8 +11,19 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
+from ._arrays import view_of
 from ._errors import NoGroundError, StateError
-from ._soilvdb import Site, Soil, Terrain, _step_sites, height_maps, plane, raster, resistances
+from ._soilvdb import (
+    Site,
+    Soil,
+    Terrain,
+    _array,
+    _step_sites,
+    height_maps,
+    plane,
+    raster,
+    resistances,
+)
 
 Floats = npt.NDArray[np.float64]
 _State = Union[Site, bytes]  # read by Python 3.9
@@ -168,6 +179,8 @@ class VectorSite:
         if mask is None:
             return list(range(self.count))
         given = np.asarray(mask)
+        if given.dtype == object and hasattr(mask, "__dlpack__"):
+            given = np.asarray(view_of(mask))
         if given.dtype == bool:
             if given.shape != (self.count,):
                 raise ValueError(f"mask has the shape {given.shape}; it must be ({self.count},)")
@@ -200,10 +213,11 @@ class VectorSite:
 
 
 def _per_site(name: str, values: Any, shape: tuple[int, ...]) -> Floats:
+    given = _array(values, name)
     try:
-        return np.broadcast_to(np.asarray(values, dtype=float), shape)
+        return np.broadcast_to(given, shape)
     except ValueError:
-        raise ValueError(f"{name} has the shape {np.shape(values)}; it must be {shape}") from None
+        raise ValueError(f"{name} has the shape {given.shape}; it must be {shape}") from None
 
 
 def _soil(soil: Soil | None, changed: Mapping[str, float]) -> Soil:
@@ -224,7 +238,7 @@ def _terrains(count: int, z: Any, slope: Any, heights: Any, origin: Any,
     if heights is not None:
         if z is not None or slope is not None:
             raise TypeError("give either heights or z and slope")
-        given = np.asarray(heights, dtype=float)
+        given = _array(heights, "heights")
         if given.ndim != 3 or given.shape[0] != count:
             raise ValueError(f"heights has the shape {given.shape}; it must be ({count}, ny, nx)")
         return [raster(one, origin=origin, cell=cell) for one in given]
