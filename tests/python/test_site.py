@@ -418,8 +418,21 @@ def test_wrong_calls_are_told_in_one_line(call, message):
      "machine 'machine 0' has no place before its first state, by update() or place()"),
     (lambda s: s.height_map(machine=3, shape=(2, 2), cell=0.1),
      "there is no machine 3; there are 1, numbered from 0"),
-    (lambda s: soilvdb.height_maps([s], machine=0, shape=(2, 2), cell=0.1),
-     "site 0: machine 'machine 0' has no place before its first state, by update() or place()"),
+    (lambda s: soilvdb.height_maps([s, s.clone()], machine=3, shape=(2, 2), cell=0.1),
+     "site 0: there is no machine 3; there are 1, numbered from 0"),
+    (lambda s: soilvdb.height_maps([s], machine=0, shape=(2, 2), cell=-1.0),
+     "site 0: a map's cells must be from a thousandth of a voxel to 1024 voxels wide"),
+    (lambda s: soilvdb.height_maps([s], machine=0, shape=(2, 2), cell=0.1, layer="design"),
+     "site 0: a map of heights above a design needs the design"),
+    (lambda s: soilvdb.height_maps([s], pose=np.zeros((1, 4, 4)), shape=(2, 2), cell=0.1),
+     "site 0: pose is not a rigid transform; it needs a rotation, a position and a last row of 0 0 0 1"),
+    (lambda s: soilvdb.height_maps([s], pose=np.zeros((2, 4, 4)), shape=(2, 2), cell=0.1),
+     "pose has the shape (2, 4, 4); it must be (4, 4) or (1, 4, 4)"),
+    (lambda s: s.height_map(pose=np.zeros((1, 4, 4)), shape=(2, 2), cell=0.1),
+     "pose has the shape (1, 4, 4); it must be (N, 4)"),
+    (lambda s: s.height_map(origin=(5e5, 5.4e6), shape=(2, 2), cell=0.1),
+     "a map must be within 838861 m of the site's origin, which is at (0, 0); Site(near=(x, y, z)) "
+     "says where work begins, by default a plane's first state does"),
     (lambda s: soilvdb.height_maps([s, s], machine=0, shape=(2, 2), cell=0.1),
      "a site is there twice"),
 ])
@@ -521,10 +534,70 @@ def test_maps_of_many_sites_are_those_of_each(soil):
         assert every.shape == (5, 6, 4)
         for site, one in zip(sites, every):
             assert (site.height_map(shape=(6, 4), cell=0.2, layer="dug", **given) == one).all()
+    poses = np.tile(np.eye(4), (5, 1, 1))
+    poses[:, :2, 3] = np.random.default_rng(2).uniform(-1, 2, (5, 2))
+    poses[1, :2, :2] = [[0.6, -0.8], [0.8, 0.6]]
+    for given in (poses, poses[1]):
+        every = soilvdb.height_maps(sites, pose=given, shape=(6, 4), cell=0.2)
+        for site, pose, one in zip(sites, np.broadcast_to(given, (5, 4, 4)), every):
+            assert (site.height_map(pose=pose, shape=(6, 4), cell=0.2) == one).all()
+    fresh = make_site(soil)
+    mixed = soilvdb.height_maps([sites[0], fresh, sites[1]], machine=0, shape=(6, 4), cell=0.2)
+    assert np.isnan(mixed[1]).all() and np.isfinite(mixed[[0, 2]]).all()
     out = np.empty((5, 6, 4), np.float32)
     assert soilvdb.height_maps(sites, machine=0, shape=(6, 4), cell=0.2, out=out) is out
     assert np.isfinite(out).all()
     assert soilvdb.height_maps([], machine=0, shape=(6, 4), cell=0.2).shape == (0, 6, 4)
+
+
+def test_sums_of_maps_are_the_volume_but_under_roofs_and_turned(soil):
+    """As the docstrings have it."""
+    site = make_site(soil)
+    site.update_path(0, positions=dig()[0], rotations=dig()[1])
+    if soil is None:  # a tunnel, whose roof holds
+        for x in np.linspace(-4, 4, 90):
+            site.update(0, position=(x, 2.5, -2.5))
+    cells = {"origin": (-7.95, -7.95), "shape": (160, 160), "cell": 0.1, "layer": "dug"}
+    sides = [(-6, -6), (6, -6), (6, 6), (-6, 6)]
+    dug = site.height_map(**cells)
+    assert site.volume(sides).net_m3 == pytest.approx(site.change_m3(), abs=1e-9)
+    if soil is None:
+        hidden = -site.change_m3() - dug.sum() * 0.01
+        assert hidden > 1
+        fresh = make_site()
+        fresh.update_path(0, positions=dig()[0], rotations=dig()[1])
+        site, dug = fresh, fresh.height_map(**cells)
+    assert dug.sum() * 0.01 == pytest.approx(-site.change_m3(), abs=1e-9)
+    turn = np.eye(4)
+    turn[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
+    turned = site.height_map(pose=turn, shape=(200, 200), cell=0.1, layer="dug").sum() * 0.01
+    assert turned == pytest.approx(dug.sum() * 0.01, rel=0.05) and turned != dug.sum() * 0.01
+
+
+def test_a_ceiling_is_to_the_voxel():
+    site = make_site()
+    for x in np.linspace(-4, 4, 90):  # a tunnel
+        site.update(0, position=(x, 0, -2.5))
+    at = {"origin": (0, 0), "shape": (1, 1), "cell": 0.1}
+    assert site.height_map(**at) == 0
+    floor = site.height_map(**at, ceiling=-1.9)[0, 0]
+    assert -2.7 < floor < -2.4
+    for ceiling in (-2.0, -2.04, -2.2):  # in the air of the tunnel: none of them cuts soil
+        assert site.height_map(**at, ceiling=ceiling)[0, 0] == floor
+    assert site.height_map(**at, ceiling=-3.0)[0, 0] == pytest.approx(-3.0, abs=0.1)
+    assert site.height_map(**at, ceiling=-1.0)[0, 0] == pytest.approx(-1.0, abs=0.1), "in the roof"
+
+
+def test_a_plane_in_utm_is_looked_at_where_work_will_begin():
+    site = soilvdb.Site(0.05, soilvdb.plane(300.0), [bucket()])
+    at = {"origin": (5e5, 5.4e6), "shape": (2, 3), "cell": 0.1}
+    assert site.heights([at["origin"]]) == 300
+    with pytest.raises(ValueError, match=r"Site\(near=\(x, y, z\)\)"):
+        site.height_map(**at)
+    near = soilvdb.Site(0.05, soilvdb.plane(300.0), [bucket()], near=(5e5, 5.4e6, 300.0))
+    assert (near.height_map(**at) == 300).all()
+    site.update(0, position=(5e5, 5.4e6, 301.0))
+    assert (site.height_map(**at) == 300).all()
 
 
 def test_maps_above_a_design_are_what_is_to_be_done(soil):

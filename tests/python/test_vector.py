@@ -276,3 +276,22 @@ def test_arrays_come_from_other_libraries(start):
     same.reset(OnlyDLPack(np.array([0, 1])))
     with pytest.raises(TypeError, match="xy must be numbers, not OnlyDLPack|complex"):
         site.heights(OnlyDLPack(xy.astype(complex)))
+
+
+def test_a_machine_without_a_place_has_a_map_of_nan(start):
+    env = soilvdb.VectorSite(start, COUNT)
+    look = {"machine": 0, "shape": (3, 4), "cell": 0.2}
+    env.step(0, positions=paths()[0][5])
+    assert np.isfinite(env.height_map(**look)).all()
+    env.randomise([1, 3], z=0.5)
+    for layer in ("height", "loose", "dug"):
+        maps = env.height_map(**look, layer=layer)
+        assert np.isnan(maps).all(axis=(1, 2)).tolist() == [False, True, False, True, False]
+        assert np.isfinite(maps[[0, 2, 4]]).all()
+    env.step(0, positions=np.full((COUNT, 3), [0.0, 0.0, 2.0]))
+    assert np.isfinite(env.height_map(**look)).all()
+    poses = np.tile(np.eye(4), (COUNT, 1, 1))
+    poses[:, 0, 3] = np.arange(COUNT)
+    at = env.height_map(pose=poses, shape=(3, 4), cell=0.2, turned=False)
+    for site, pose, one in zip(env.sites, poses, at):
+        assert (site.height_map(pose=pose, shape=(3, 4), cell=0.2) == one).all()

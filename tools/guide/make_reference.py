@@ -90,7 +90,8 @@ def main():
             for member in members(node, thing):
                 print(member)
     for thing, names in (
-            (soilvdb.VectorSite, ("__init__", "step", "height_map", "loads", "reset", "randomise")),
+            (soilvdb.VectorSite, ("__init__", "step", "height_map", "resistance", "loads", "reset",
+                                  "randomise")),
             (soilvdb.Steps, ()),
             (soilvdb.Ensemble, ("__init__", "update", "load", "cut", "resistance")),
             (soilvdb.Spread, ()), (soilvdb.WrenchSpread, ()), (soilvdb.Wrench, ()),
@@ -99,7 +100,7 @@ def main():
         for name in names:
             function = getattr(thing, name)
             heading = f"{thing.__name__ if name == '__init__' else name}({arguments_of(function)})"
-            print(section(heading, function) if name != "__init__" else f"### `{heading}`\n")
+            print(section(heading, function))
     print("## Functions\n")
     for node in stub.body:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):

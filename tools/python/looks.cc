@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "soilvdb/boundary_volume.h"
 #include "tools/python/site.h"
@@ -39,7 +40,8 @@ Array heights(Site& site, const py::object& xy,
 
 /// What a height map is asked for.
 struct MapRequest {
-  MapGrid grid;  ///< its place and axis unless `machine` says them
+  MapGrid grid;                   ///< its place and axis unless `machine` says them
+  std::vector<MapGrid> of_sites;  ///< where each site has its own
   std::optional<MachineName> machine;
   bool turned = true;
   MapLayer layer = MapLayer::kHeight;
@@ -49,7 +51,7 @@ struct MapRequest {
   MapRequest(const std::optional<MachineName>& around, const py::object& origin,
              const py::object& matrix, const std::pair<py::ssize_t, py::ssize_t>& shape,
              double cell, bool turn, const std::string& name, std::optional<double> below,
-             const std::optional<TerrainValue>& wanted)
+             const std::optional<TerrainValue>& wanted, std::optional<std::size_t> sites = {})
       : machine(around), turned(turn), ceiling(below), design(wanted) {
     if (machine.has_value() + !origin.is_none() + !matrix.is_none() != 1)
       throw py::type_error("give one of machine, pose or origin");
@@ -68,16 +70,51 @@ struct MapRequest {
     grid.cell_m = cell;
     if (!origin.is_none()) numbers(origin, "origin", {grid.first_m.data(), 2});
     if (matrix.is_none()) return;
-    const Pose at = pose(py::none(), py::none(), matrix);
-    grid = MapGrid::around(at.position.head<2>(), cell, grid.nx, grid.ny, turned ? &at : nullptr);
+    const auto around_pose = [&](const Pose& at) {
+      return MapGrid::around(at.position.head<2>(), cell, grid.nx, grid.ny, turned ? &at : nullptr);
+    };
+    const Array given = array_of(matrix, "pose");
+    if (!sites || given.ndim() != 3) {
+      grid = around_pose(pose(py::none(), py::none(), given));
+      return;
+    }
+    if (static_cast<std::size_t>(given.shape(0)) != *sites || given.shape(1) != 4 ||
+        given.shape(2) != 4)
+      throw py::value_error(fmt::format("pose has the shape {}; it must be (4, 4) or ({}, 4, 4)",
+                                        py::cast<std::string>(py::str(given.attr("shape"))),
+                                        *sites));
+    for (std::size_t i = 0; i < *sites; ++i) {
+      try {
+        of_sites.push_back(around_pose(pose_of({given.data() + 16 * i, 16})));
+      } catch (const py::value_error& e) {
+        throw py::value_error(fmt::format("site {}: {}", i, e.what()));
+      }
+    }
   }
 
   const InitialTerrain* wanted() const { return design ? &design->surface() : nullptr; }
-  MapGrid of(Session& session) const {
-    return machine ? session.map_around(machine_of(session, *machine), grid.cell_m, grid.nx,
-                                        grid.ny, turned)
-                   : grid;
+  /// @param i number of the site
+  MapGrid of(Session& session, std::size_t i = 0) const {
+    MapGrid made = of_sites.empty() ? grid : of_sites[i];
+    if (machine)
+      made =
+          session.map_around(machine_of(session, *machine), grid.cell_m, grid.nx, grid.ny, turned);
+    const double reach_m = kReach * session.voxel_size_m();
+    const Vec2 origin = session.origin().head<2>(), offset = made.first_m - origin;
+    if (offset.allFinite() && offset.cwiseAbs().maxCoeff() > reach_m)
+      throw std::invalid_argument(fmt::format(
+          "a map must be within {:.0f} m of the site's origin, which is at ({:.0f}, {:.0f}); Site("
+          "near=(x, y, z)) says where work begins, by default a plane's first state does",
+          reach_m, origin.x(), origin.y()));
+    return made;
   }
+  /// Has the machine no place yet?
+  bool is_nowhere(Session& session) const {
+    return machine && !session.last(machine_of(session, *machine));
+  }
+
+ private:
+  static constexpr double kReach = 1 << 23;  // voxels
 };
 
 /// An array for results: the caller's, or a new one of doubles. Calls f(its values).
@@ -143,31 +180,39 @@ py::object height_map(Site& site, const std::optional<MachineName>& machine,
 
 /// A map of each of many sites.
 py::object height_maps(const py::object& given, const std::optional<MachineName>& machine,
-                       const py::object& origin, const MapShape& shape, double cell, bool turned,
-                       const std::string& layer, std::optional<double> ceiling,
-                       const std::optional<TerrainValue>& design, const py::object& out,
-                       const std::optional<int>& threads) {
+                       const py::object& origin, const py::object& matrix, const MapShape& shape,
+                       double cell, bool turned, const std::string& layer,
+                       std::optional<double> ceiling, const std::optional<TerrainValue>& design,
+                       const py::object& out, const std::optional<int>& threads) {
   const py::tuple kept = several(given, "sites", "soilvdb.Site");
   const std::vector<Site*> sites = sites_of(kept);
-  const MapRequest map(machine, origin, py::none(), shape, cell, turned, layer, ceiling, design);
+  const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling, design,
+                       sites.size());
   const auto count = static_cast<py::ssize_t>(sites.size());
   return fill_array(out, {count, shape.first, shape.second}, [&](auto values) {
     with_all(sites, [&](const std::vector<Session*>& sessions) {
-      std::vector<MapGrid> grids;
-      for (std::size_t i = 0; i < sessions.size(); ++i) {
-        try {
-          grids.push_back(map.of(*sessions[i]));
-        } catch (const std::exception& e) {
-          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
-        }
-      }
       const auto cells = static_cast<std::size_t>(shape.first * shape.second);
+      std::vector<std::string> wrong(sessions.size());
       on_threads(threads, [&] {
         tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
-          sessions[i]->height_map(grids[i], map.layer, values.subspan(i * cells, cells),
-                                  map.ceiling, map.wanted());
+          try {
+            Session& session = *sessions[i];
+            const auto own = values.subspan(i * cells, cells);
+            const bool nowhere = map.is_nowhere(session);
+            MapGrid grid{session.origin().head<2>(), cell, 1, 1};  // finds out what is wrong
+            if (!nowhere) grid = map.of(session, i);
+            session.height_map(grid, map.layer, nowhere ? own.first(1) : own, map.ceiling,
+                               map.wanted());
+            if (nowhere) std::fill(own.begin(), own.end(), std::numeric_limits<float>::quiet_NaN());
+          } catch (const std::invalid_argument& e) {
+            wrong[i] = e.what();
+          } catch (const py::value_error& e) {
+            wrong[i] = e.what();
+          }
         });
       });
+      for (std::size_t i = 0; i < wrong.size(); ++i)
+        if (!wrong[i].empty()) throw std::invalid_argument(fmt::format("site {}: {}", i, wrong[i]));
     });
   });
 }
@@ -289,8 +334,15 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
             return py::make_tuple(z, heights(s, xy, &Session::sigmas));
           },
           py::arg("xy"), py::kw_only(), py::arg("sigma") = false,
-          "Heights of the topmost soil at xy (N, 2), m, world: (N,) float64, NaN where there is no "
-          "ground. They come straight from the soil's samples, linear between columns of voxels. "
+          "The surface at points xy (N, 2), m, world: (N,) float64, NaN where there is no ground. "
+          "It "
+          "comes straight from the soil's samples: the terrain's own height where nothing was "
+          "moved, "
+          "else linear between the middles of columns of voxels. On even cuts it errs by some "
+          "hundredths of a voxel, beside a wall by as much as that is high. Under a roof the "
+          "topmost "
+          "soil counts. Take heights() for the ground at a point; for volumes, and for maps, take "
+          "height_map(), whose cells have the mean height of their soil. "
           "After an update one costs about 12 us, each of many some tens of ns. With sigma a pair: "
           "heights, and their standard deviations by what is known of the machines' lips and by "
           "scans, see scan().")
@@ -300,28 +352,30 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           py::arg("xy"),
           "As heights(), on the surface of mesh(): for pictures. It meshes what changed since the "
           "last call, which takes milliseconds.")
-      .def("height_map", &height_map, py::kw_only(), py::arg("machine") = none,
-           py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
-           py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
-           py::arg("design") = none, py::arg("out") = none,
-           "Map of square cells, shape (ny, nx), side cell, m: (ny, nx) float64. Give one of: "
-           "origin (x, y), the middle of cell [0, 0]; machine, around the middle of its lip; pose, "
-           "a 4x4 array, as of a machine there. Around a machine or pose, y is the lip's direction "
-           "in "
-           "plan and x at right angles to it, out of the mouth, unless turned is False; else x and "
-           "y "
-           "are the world's. Columns go on along x, rows along y; half of the map is behind the "
-           "lip. layer: 'height', mean height of the soil in a cell, world z, so that sums are "
-           "volumes; 'loose', depth "
-           "of the loose soil; 'dug', depth below the terrain; 'design', height above the Terrain "
-           "design: "
-           "what is to be cut, negative: to be filled; NaN where there is no ground. "
-           "ceiling: only soil below this height is looked at. out: a float32 or float64 array to "
-           "fill and return, C-contiguous. It takes about 10 ns for each column of voxels that a "
-           "cell "
-           "covers. Raises TypeError for none or several of origin, machine and pose, ValueError "
-           "for "
-           "a machine before its first state, a bad out, and a layer without its design.");
+      .def(
+          "height_map", &height_map, py::kw_only(), py::arg("machine") = none,
+          py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
+          py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
+          py::arg("design") = none, py::arg("out") = none,
+          "Map of square cells, shape (ny, nx), side cell, m: (ny, nx) float64. Give one of: "
+          "origin (x, y), the middle of cell [0, 0]; machine, around the middle of its lip; pose, "
+          "a 4x4 array, as of a machine there. Around a machine or pose, y is the lip's direction "
+          "in plan and x at right angles to it, out of the mouth, unless turned is False; else x "
+          "and y are the world's. Columns go on along x, rows along y; half of the map is behind "
+          "the lip. layer: 'height', mean height of the topmost soil in a cell, world z; 'loose', "
+          "depth of the loose soil; 'dug', depth below the terrain; 'design', height above the "
+          "Terrain design: what is to be cut, negative: to be filled; NaN where there is no "
+          "ground. "
+          "Cells times their area sum to the volume, to the last sample. They do not in a map that "
+          "is not along the world's axes, whose cells have means of points, and not under "
+          "roofs, as of a tunnel or over a curled bucket: there only soil above the topmost full "
+          "voxel counts. volume() and change_m3() are exact there too. heights() has the surface "
+          "at points. ceiling: only soil below this height counts, to the voxel: to look into a "
+          "tunnel or under a bucket; nothing is kept for the next look then. out: a float32 or "
+          "float64 array to fill and return, C-contiguous. It takes about 10 ns for each column of "
+          "voxels that a cell covers. Raises TypeError for none or several of origin, machine and "
+          "pose, ValueError for a machine before its first state, a bad out, a layer without its "
+          "design, and a place that the site does not reach: see near of Site().");
   site.def(
       "cast", &cast, py::arg("origins"), py::arg("directions"),
       "Distances along rays to the ground, m: as a depth camera or a lidar measures them. "
@@ -330,11 +384,16 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
       "is that of heights(); a ray stops at its upright steps. Runs on all cores, some tenths of "
       "a microsecond a ray. Raises ValueError for a direction that is zero or not finite.");
   bind_volume(site, m);
-  m.def("height_maps", &height_maps, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
-        py::arg("origin") = none, py::arg("shape"), py::arg("cell"), py::arg("turned") = true,
-        py::arg("layer") = "height", py::arg("ceiling") = none, py::arg("design") = none,
-        py::arg("out") = none, py::arg("threads") = none,
-        "Site.height_map() of many sites: (sites, ny, nx). threads: default: all cores.");
+  m.def(
+      "height_maps", &height_maps, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
+      py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
+      py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
+      py::arg("design") = none, py::arg("out") = none, py::arg("threads") = none,
+      "Site.height_map() of N sites at once: (N, ny, nx) float64, or out, filled. machine, origin "
+      "(x, y) and pose (4, 4) are for all sites; pose may also be (N, 4, 4). The map of a site "
+      "whose machine has no place yet is NaN. threads: default: all cores. Raises the errors of "
+      "Site.height_map() for all sites if one of them can't be looked at, and says which; out has "
+      "no meaning then.");
 }
 
 }  // namespace soilvdb::python

@@ -4,10 +4,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+
+class DLPack(Protocol):
+    """An array of another library."""
+
+    def __dlpack__(self, *given: Any, **named: Any) -> Any: ...
 
 
 class _Memory:

@@ -8,18 +8,20 @@ from typing import Any, Literal, overload
 import numpy as np
 import numpy.typing as npt
 
+from ._arrays import DLPack
 from ._force import Wrench
 from ._scan import ByMachine
 
 __version__: str
 
-_Numbers = Sequence[float] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
+_Array = npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]] | DLPack
+_Numbers = Sequence[float] | _Array
 _Path = str | os.PathLike[str]
 _Layer = Literal["height", "loose", "dug", "design"]
 _Joints = _Numbers | Mapping[str, float]
-_Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
+_Rows = Sequence[_Numbers] | _Array
 _Base = tuple[_Numbers, _Numbers] | _Rows
-_Poses = Sequence[_Rows] | npt.NDArray[np.floating[Any]]
+_Poses = Sequence[_Rows] | _Array
 _Bases = tuple[_Rows, _Rows] | _Poses
 
 class Bucket:
@@ -423,13 +425,14 @@ def height_maps(
     *,
     machine: int | str | None = ...,
     origin: _Numbers | None = ...,
+    pose: _Rows | _Poses | None = ...,
     shape: tuple[int, int],
     cell: float,
     turned: bool = ...,
     layer: _Layer = ...,
     ceiling: float | None = ...,
     design: Terrain | None = ...,
-    out: npt.NDArray[Any] | None = ...,
+    out: Any = ...,
     threads: int | None = ...,
 ) -> npt.NDArray[Any]: ...
 def _array(given: Any, name: str) -> npt.NDArray[np.float64]: ...

@@ -128,6 +128,10 @@ class Ensemble:
 
     def __init__(self, site: Site, noise: Noise | Mapping[str, Any], *, clones: int = 16,
                  seed: int = 0) -> None:
+        """clones: their number, 2 to 1000. seed: 0 or more. Raises ValueError for other numbers, for
+        a noise that is not valid, has errors of joints that no machine has, or errors of bucket,
+        terrain or moving soil.
+        """
         if not isinstance(noise, Noise):
             noise = of(noise)
         if not 2 <= clones <= 1000:

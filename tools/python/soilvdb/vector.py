@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,9 @@ from ._soilvdb import (
     raster,
     resistances,
 )
+
+if TYPE_CHECKING:
+    from ._soilvdb import _Bases, _Layer, _Numbers, _Poses, _Rows
 
 Floats = npt.NDArray[np.float64]
 _State = Union[Site, bytes]  # read by Python 3.9
@@ -62,6 +65,9 @@ class VectorSite:
     """
 
     def __init__(self, site: Site, count: int, *, threads: int | None = None) -> None:
+        """count sites, clones of site. Raises ValueError for a count or threads of less than 1,
+        RuntimeError for a site that is closed or whose memory is limited.
+        """
         if not isinstance(site, Site):
             raise TypeError(f"site must be soilvdb.Site, not {type(site).__name__}")
         if not isinstance(count, int) or count < 1:
@@ -82,15 +88,18 @@ class VectorSite:
         """The sites as they are now; reset() and randomise() put others in their place."""
         return self._sites
 
-    def step(self, machine: int | str, *, positions: Any = None, rotations: Any = None,
-             poses: Any = None, joints: Any = None, base: Any = None,
-             times: Any = None) -> Steps:
+    def step(self, machine: int | str, *, positions: _Rows | None = None,
+             rotations: _Rows | None = None, poses: _Poses | None = None,
+             joints: _Rows | Mapping[str, _Numbers] | None = None, base: _Bases | None = None,
+             times: float | _Numbers | None = None) -> Steps:
         """One update of a machine in each site. A site whose state is refused stays as it is and
         says why; the others move.
 
         One of: positions (count, 3) with or without rotations (count, 4); poses (count, 4, 4);
         joints (count, joints), or by name, with or without base: (positions, rotations) of the
-        machine's base, or (count, 4, 4). times: (count,), or one for all, s.
+        machine's base, or (count, 4, 4). times: (count,), or one for all, s. Raises TypeError for
+        what is not numbers, and ValueError for a machine that is unknown or arrays of another shape;
+        then none has moved. A dict that is not of the machine's joints is a StateError for all.
         """
         if times is not None:
             times = _per_site("times", times, (self.count,))
@@ -98,12 +107,17 @@ class VectorSite:
                                       base, times, self._threads)
         return Steps(**columns, errors=errors)
 
-    def height_map(self, *, shape: tuple[int, int], cell: float, **which: Any) -> npt.NDArray[Any]:
-        """Site.height_map() of each site: (count, ny, nx), into `out` if it is given. which: machine
-        or origin, turned, layer, ceiling, design and out, as for height_maps(). Raises ValueError if
-        the machine of any site has no place yet.
+    def height_map(self, *, machine: int | str | None = None, origin: _Numbers | None = None,
+                   pose: _Rows | _Poses | None = None, shape: tuple[int, int], cell: float,
+                   turned: bool = True, layer: _Layer = "height", ceiling: float | None = None,
+                   design: Terrain | None = None, out: Any = None) -> npt.NDArray[Any]:
+        """Site.height_map() of each site: (count, ny, nx) float64, or `out`, filled. One of: machine,
+        origin (x, y), pose, (4, 4) for all or (count, 4, 4). A site whose machine has no place yet,
+        as after randomise(), has a map of NaN. Raises the errors of soilvdb.height_maps().
         """
-        return height_maps(self._sites, shape=shape, cell=cell, threads=self._threads, **which)
+        return height_maps(self._sites, machine=machine, origin=origin, pose=pose, shape=shape,
+                           cell=cell, turned=turned, layer=layer, ceiling=ceiling, design=design,
+                           out=out, threads=self._threads)
 
     def resistance(self, machine: int | str = 0, *, soil: Soil | None = None,
                    crescents: bool = True) -> tuple[Floats, Floats]:
