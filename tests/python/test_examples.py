@@ -24,6 +24,17 @@ def test_the_controller_stops_at_the_load_it_was_given(tmp_path):
         assert all(abs(load - wanted) < 0.1 * wanted for load in loads), out
 
 
+def test_examples_say_what_their_looks_cost():
+    looks = 0
+    for file in EXAMPLES.glob("*.py"):
+        lines = file.read_text().splitlines()
+        for before, line in zip(lines, lines[1:]):
+            if re.search(r"\.(heights|height_map|height_maps|mesh_heights|cast)\(", line):
+                assert re.search("# Takes .*(us|microseconds)", before), f"{file.name}: {line}"
+                looks += 1
+    assert looks >= 4
+
+
 def test_the_environment_pays_what_the_buckets_hold(tmp_path):
     out = run("dig_env.py", cwd=tmp_path)
     loads = [float(v) for v in re.search(r"\[(.*)\]", out).group(1).split()]

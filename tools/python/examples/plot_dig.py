@@ -40,9 +40,10 @@ def main() -> None:
         loads.append(site.update_path(0, positions=deeper, rotations=rotations)["bucket_m3"])
     site.come_to_rest()
 
-    across, along = np.linspace(-5, 3, 321), np.linspace(-2, 6, 321)
-    grid = np.stack(np.meshgrid(across, along), axis=-1)
-    change = site.heights(grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    across, along = np.linspace(-5, 3, 161), np.linspace(-2, 6, 161)
+    # Takes some 10 ns a column of voxels, and as many microseconds more for each 8 x 8 that are new.
+    dug = site.height_map(origin=(across[0], along[0]), shape=(161, 161), cell=0.05, layer="dug")
+    change = -dug
 
     figure, (plan, over_time) = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
     most = np.abs(change).max()
