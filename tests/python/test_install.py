@@ -18,8 +18,8 @@ PACKAGE = Path(soilvdb.__file__).parent
 THIS = f"CPython {sys.version_info[0]}.{sys.version_info[1]}"
 
 
-def import_from(folder):
-    return subprocess.run([sys.executable, "-c", "import soilvdb; print(soilvdb.__file__)"], text=True,
+def import_from(folder, *options):
+    return subprocess.run([sys.executable, *options, "-c", "import soilvdb; print(soilvdb.__file__)"], text=True,
                           cwd="/", env=dict(os.environ, PYTHONPATH=str(folder)), capture_output=True,
                           check=False)
 
@@ -38,6 +38,15 @@ def test_another_python_is_told_which_one_is_right(tmp_path, suffix, message):
     done = import_from(tmp_path)
     last = done.stderr.splitlines()[-1]
     assert done.returncode != 0 and last.startswith(f"ImportError: {message}"), done.stderr
+
+
+def test_a_python_without_numpy_is_told_what_to_do():
+    done = import_from(PACKAGE.parent, "-S")  # without the folders that have packages
+    last = done.stderr.splitlines()[-1]
+    assert done.returncode != 0 and last == (
+        f"ImportError: soilvdb needs NumPy, which {sys.executable} does not have; install it: "
+        f"{sys.executable} -m pip install numpy, or for the system's Python apt-get install "
+        "python3-numpy")
 
 
 def test_parts_are_installed_alone(tmp_path):

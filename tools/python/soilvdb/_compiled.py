@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Refuses a Python that the compiled part was not built for. Any Python 3.7 can read this file."""
+"""Refuses a Python that the compiled part was not built for, and one without NumPy. Any Python 3.7 can
+read this file."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import platform
 import re
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
 from pathlib import Path
 
 NAME = "_soilvdb"
@@ -15,6 +17,10 @@ NAME = "_soilvdb"
 
 def check(folder: Path) -> None:
     if any((folder / (NAME + suffix)).exists() for suffix in EXTENSION_SUFFIXES):
+        if find_spec("numpy") is None:
+            raise ImportError(f"soilvdb needs NumPy, which {sys.executable} does not have; install it: "
+                              f"{sys.executable} -m pip install numpy, or for the system's Python "
+                              "apt-get install python3-numpy")
         return
     this = f"{platform.python_implementation()} {sys.version_info[0]}.{sys.version_info[1]}"
     tags = sorted(file.name.split(".")[1] for file in folder.glob(f"{NAME}.*.so"))
