@@ -22,6 +22,10 @@ namespace {
 
 constexpr std::uintmax_t kMostMeshBytes = std::uintmax_t{1} << 29;
 
+constexpr const char* kFromCollada =
+    ": `assimp export X.dae X.obj` of the package assimp-utils makes one in metres with y up, "
+    "Blender also with z up";
+
 using MeshPoint = std::array<float, 3>;
 
 /// Collects triangles, and merges corners with equal coordinates into one point.
@@ -149,7 +153,8 @@ Mesh read_mesh(const std::filesystem::path& file) {
   check_readable(file);
   const std::string suffix = suffix_of(file);
   if (suffix != ".obj" && suffix != ".stl")
-    throw InputError(file, "is not a readable mesh; use .stl or .obj");
+    throw InputError(file, fmt::format("is not a readable mesh; use .stl or .obj{}",
+                                       suffix == ".dae" ? kFromCollada : ""));
   if (std::filesystem::file_size(file) > kMostMeshBytes)
     throw InputError(file, "is larger than 512 MB; a tool needs only some thousand triangles");
   std::ifstream in(file, std::ios::binary);

@@ -341,7 +341,72 @@ def test_a_bucket_is_made_of_a_mesh(tmp_path, upper):
     assert pose == pytest.approx(np.array([[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
 
 
+def real_bucket(file, taper, thick=25.0, teeth=5):
+    """A bucket as builders have them, in mm, turned and off the origin: plates with thickness, sides
+    that taper towards the back, teeth. Returns its lip, and its struck volume by Green's theorem, m3."""
+    width, depth, height = 1100.0, 800.0, 850.0
+    t = np.linspace(0, np.pi, 40)[:, None]
+    side = np.hstack([-depth * np.sin(t)**0.8, height * (1 - np.cos(t)) / 2])
+    side[0], side[-1] = (0, 0), (0, height)
+    out = np.array([(-depth / 2, height / 2)]) + (side - (-depth / 2, height / 2)) * (
+        1 + 2 * thick / depth, 1 + 2 * thick / height)
+    out[0], out[-1] = (0, -thick), (0, height + thick)
+
+    def half(x):
+        return width / 2 * (1 + taper * x / depth)
+
+    points, faces = [], []
+
+    def add(*corners):
+        faces.append(range(len(points) + 1, len(points) + 1 + len(corners)))
+        points.extend(corners)
+
+    for line, more in ((side, 0.0), (out, thick)):
+        for (x, z), (u, w) in zip(line, line[1:]):
+            a, b = half(x) + more, half(u) + more
+            add((x, -a, z), (x, a, z), (u, b, w), (u, -b, w))
+            for sign in (-1, 1):  # a fan of the side plate
+                add((x, sign * a, z), (u, sign * b, w), (0, sign * (half(0) + more), height / 2))
+    for sign in (-1, 1):  # the rim
+        y = half(0)
+        add((0, sign * y, 0), (0, sign * y, height), (0, sign * (y + thick), height + thick),
+            (0, sign * (y + thick), -thick))
+        z = 0 if sign < 0 else height
+        add((0, -y, z), (0, y, z), (0, y + thick, z + sign * thick), (0, -y - thick, z + sign * thick))
+    for k in range(teeth):
+        y = (k - (teeth - 1) / 2) * width / teeth
+        for z in (0, -thick):
+            add((0, y - 40, z), (150, y - 40, z), (150, y + 40, z), (0, y + 40, z))
+        for x, u, a, b in ((0, 150, -40, -40), (150, 150, -40, 40), (150, 0, 40, 40)):
+            add((x, y + a, 0), (u, y + b, 0), (u, y + b, -thick), (x, y + a, -thick))
+    (x, z), (u, w) = side.T, np.roll(side, -1, axis=0).T
+    cross = (x * w - u * z) / 2
+    struck = abs(width * (cross + taper / depth * cross * (x + u) / 3).sum()) * 1e-9
+    axis = np.array([0.36, 0.48, 0.8])
+    wide = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    turn = np.eye(3) + np.sin(0.9) * wide + (1 - np.cos(0.9)) * wide @ wide
+    file.write_text("".join("v {:.6f} {:.6f} {:.6f}\n".format(*p)
+                            for p in np.array(points) @ turn.T + (500, -300, 200)) +
+                    "".join(f"f {' '.join(map(str, face))}\n" for face in faces))
+    return np.array([(0, -width / 2, 0), (0, width / 2, 0)]) @ turn.T + (500, -300, 200), struck, turn
+
+
+@pytest.mark.parametrize("taper", [0.0, 0.12])
+def test_a_real_buckets_mesh_holds_its_struck_volume(tmp_path, taper):
+    lip, struck, turn = real_bucket(tmp_path / "real.obj", taper)
+    given = {"lip": lip, "unit": 0.001}
+    made = soilvdb.Bucket.from_mesh(tmp_path / "real.obj", **given)
+    assert made.capacity[0] == pytest.approx(struck, rel=0.02)
+    assert made.height == pytest.approx(0.85, rel=0.02)
+    assert made.width == pytest.approx(1.1, rel=0.005 + taper)
+    pose = soilvdb.Bucket.pose_in_mesh(tmp_path / "real.obj", **given)
+    assert pose[:3, 3] == pytest.approx((0.5, -0.3, 0.2), abs=0.005)
+    assert pose[:3, :3] == pytest.approx(turn, abs=0.01)
+
+
 @pytest.mark.parametrize("change, message", [
+    ({"file": "bucket.dae"}, "bucket.dae: is not a readable mesh; use .stl or .obj: `assimp export X.dae "
+     "X.obj` of the package assimp-utils makes one in metres with y up, Blender also with z up"),
     ({"file": "none.obj"}, "none.obj: "),
     ({"file": "text.obj"}, "text.obj: has no triangles"),
     ({"lip": [(0, 0, 0)]}, "lip has 1 points; it must be the 2 ends (x, y, z) of the cutting edge"),
@@ -355,6 +420,7 @@ def test_a_mesh_that_is_no_bucket_is_told_in_one_line(tmp_path, monkeypatch, cha
     monkeypatch.chdir(tmp_path)
     given = {"file": "box.obj", "lip": box_mesh(tmp_path / "box.obj"), "unit": 0.001, **change}
     (tmp_path / "text.obj").write_text("hello\n")
+    (tmp_path / "bucket.dae").write_text("<COLLADA/>\n")
     with pytest.raises(ValueError) as told:
         soilvdb.Bucket.from_mesh(**given)
     assert str(told.value).startswith(message) and "\n" not in str(told.value)
