@@ -12,8 +12,10 @@ import math
 import pickle
 import random
 import sys
+import tempfile
 import time
 import warnings
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +23,12 @@ import soilvdb
 
 ALLOWED = (ValueError, TypeError, RuntimeError, OverflowError, MemoryError, IndexError, KeyError,
            AttributeError, BufferError, pickle.PicklingError)
+
+URDF = Path(__file__).parents[2] / "data/excavator.urdf"
+JOINTS = ["swing_joint", "boom_joint", "arm_joint", "bucket_joint"]
+HOME = np.array([0.0, 0.5, -1.5, 0.0])
+LIP = np.array([[-1.0, 0, 0, 1.42], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
+LOAM = soilvdb.Soil(0.61, 0.25, 1800, 4000, 0.6)
 
 
 class Chance:
@@ -66,37 +74,154 @@ class Chance:
         angle = self.random.uniform(-2, 2)
         return (0.0, math.sin(angle / 2), 0.0, math.cos(angle / 2))
 
+    def joints(self, rows=None):
+        """As an array or by name, at times with one of no use."""
+        values = HOME + self.arrays.uniform(-0.2, 0.2, (4,) if rows is None else (rows, 4))
+        if self.random.random() < 0.5:
+            return values
+        named = {name: values[..., k] for k, name in enumerate(JOINTS)}
+        if self.random.random() < 0.2:
+            named[self.random.choice([*JOINTS, "bom_joint"])] = self.thing()
+        if self.random.random() < 0.1:
+            named.popitem()
+        return named
+
+    def base(self, rows=None):
+        if self.random.random() < 0.2:
+            return self.thing()
+        shape = () if rows is None else (rows,)
+        positions = self.arrays.uniform(-1, 1, (*shape, 3)) + BASE[:3, 3]
+        if self.random.random() < 0.5:
+            return positions, np.broadcast_to((0.0, 0.0, 0.6, 0.8), (*shape, 4))
+        matrices = np.broadcast_to(BASE, (*shape, 4, 4)).copy()
+        matrices[..., :3, 3] = positions
+        return matrices
+
+    def moves(self, site, rows=None):
+        """A state of machine 0 that may be, or many."""
+        keys = ("position", "rotation", "pose") if rows is None else ("positions", "rotations", "poses")
+        if site.joints(0) and self.random.random() < 0.7:
+            given = {"joints": self.joints(rows)}
+            if self.random.random() < 0.5:
+                given["base"] = self.base(rows)
+            return given
+        places = np.array([self.sane(3) for _ in range(rows or 1)])
+        turns = np.array([self.rotation() for _ in range(rows or 1)])
+        if self.random.random() < 0.3:
+            matrices = np.tile(np.eye(4), (rows or 1, 1, 1))
+            matrices[:, :3, 3] = places
+            return {keys[2]: matrices[0] if rows is None else matrices}
+        return {key: values[0] if rows is None else values
+                for key, values in zip(keys, (places, turns))}
+
+    def soil(self):
+        strong = soilvdb.Soil(density=1800, friction_angle=0.5, cohesion=1000)
+        return self.random.choice([LOAM, strong, strong, None, self.thing()])
+
+
+def arm(base=None):
+    bucket = soilvdb.Bucket(1.2, 0.9, [(0, 0), (-0.5, 0.0), (-0.9, 0.5), (0, 0.9)])
+    return soilvdb.Machine(bucket, "machine 0", urdf=URDF, link="bucket_link", base=base, lip=LIP)
+
+
+def standing():
+    """Where the arm's base is if its lip is 0.2 m in the ground at HOME."""
+    lip = soilvdb.Site(0.1, soilvdb.plane(0.0), [arm()]).pose(0, HOME)[0]
+    base = np.eye(4)
+    base[:3, 3] = (0, 0, -0.2) - lip
+    return base
+
+
+BASE = standing()
+
 
 def make_site(chance):
     bucket = soilvdb.Bucket(1.2, 0.9, [(0, 0), (-0.5, 0.0), (-0.9, 0.5), (0, 0.9)])
-    soil = soilvdb.Soil(0.61, 0.25, 1800, 4000) if chance.random.random() < 0.5 else None
+    soil = LOAM if chance.random.random() < 0.5 else None
+    machine = arm(BASE) if chance.random.random() < 0.5 else bucket
     pours = [soilvdb.Pour((0, 0, 3), 0.2, (0, 3))] if soil else []
-    return soilvdb.Site(chance.random.choice([0.1, 0.2]), soilvdb.plane(0.0), [bucket], soil=soil,
-                        pours=pours)
+    return soilvdb.Site(chance.random.choice([0.1, 0.2]), soilvdb.plane(0.0), [machine],
+                        soil=soil, pours=pours)
+
+
+def box(file):
+    """A mesh of a box that is open on one side, 2 m x 1 m x 1 m."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (0, 1) for z in (0, 1)]
+    faces = [(1, 2, 4, 3), (5, 6, 8, 7), (1, 3, 7, 5), (2, 4, 8, 6), (3, 4, 8, 7)]
+    file.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) +
+                    "".join(f"f {' '.join(map(str, face))}\n" for face in faces))
+    return file
 
 
 def step(chance, site, others):
     """One call, sensible or not."""
     pick = chance.random.random
-    names = ["update", "update_path", "heights", "height_map", "maps", "mesh", "changed_patches", "ledger", "save",
+    names = ["force", "mesh_bucket", "mesh_heights", "scan", "limits", "joints", "update", "update_path", "heights", "height_map", "maps", "mesh", "changed_patches", "ledger", "save",
              "restore", "clone", "pour", "come_to_rest", "change_m3", "pickle", "many", "vector",
              "volume", "pose", "place", "cast", "raster", "value", "close"]
     name = chance.random.choice(names)
     machine = 0 if pick() < 0.8 else chance.thing()
     if name == "update":
         if pick() < 0.5:
-            return site.update(0, position=chance.sane(3), rotation=chance.rotation())
-        keys = chance.random.sample(["position", "rotation", "pose", "joints", "time", "speed"],
+            return site.update(0, **chance.moves(site))
+        keys = chance.random.sample(["position", "rotation", "pose", "joints", "base", "time", "speed"],
                                     chance.random.randrange(4))
         return site.update(machine, **{key: chance.thing() for key in keys})
     if name == "update_path":
         if pick() < 0.3:
-            return site.update_path(0, positions=[chance.sane(3) for _ in range(3)])
-        keys = chance.random.sample(["positions", "rotations", "poses", "joints", "times"],
+            return site.update_path(0, **chance.moves(site, 3))
+        keys = chance.random.sample(["positions", "rotations", "poses", "joints", "base", "times"],
                                     chance.random.randrange(4))
         return site.update_path(machine, **{key: chance.thing() for key in keys})
     if name == "heights":
-        return site.heights(chance.thing() if pick() < 0.5 else chance.arrays.uniform(-3, 3, (9, 2)))
+        xy = chance.thing() if pick() < 0.5 else chance.arrays.uniform(-3, 3, (9, 2))
+        return site.heights(xy, sigma=chance.random.choice([False, True, chance.thing()]))
+    if name == "mesh_heights":
+        return site.mesh_heights(chance.thing() if pick() < 0.3 else
+                                 chance.arrays.uniform(-3, 3, (9, 2)))
+    if name == "force":
+        soil = chance.soil()
+        crescents = chance.random.choice([True, False]) if pick() < 0.8 else chance.thing()
+        call = chance.random.choice([site.resistance, site.torques, lambda machine, **given:
+                                     soilvdb.resistances([site, *others], machine, **given)])
+        return call(machine, soil=soil, crescents=crescents)
+    if name == "joints":
+        return site.joints(machine), site.base(machine)
+    if name == "limits":
+        site.limits = chance.random.choice([True, True, False, chance.thing()])
+        return site.limits
+    if name == "mesh_bucket":
+        with tempfile.TemporaryDirectory() as folder:
+            file = box(Path(folder) / "box.obj") if pick() < 0.8 else chance.thing()
+            given = {"lip": [(-1, 0, 0), (1, 0, 0)]}
+            for key in chance.random.sample(["lip", "upper", "unit"], chance.random.randrange(3)):
+                given[key] = chance.thing()
+            if pick() < 0.5:
+                return soilvdb.Bucket.pose_in_mesh(file, **given)
+            if pick() < 0.3:
+                given["dump_angle"] = chance.thing()
+            return soilvdb.Bucket.from_mesh(file, **given)
+    if name == "scan":
+        given = {"position": (0, 0, 4), "rotation": (1, 0, 0, 0), "range_sigma": 0.01}
+        for key in chance.random.sample(["position", "rotation", "pose", "name", "range_sigma", "noise",
+                                         "range_squared_sigma", "mount_height_sigma",
+                                         "mount_tilt_sigma"], chance.random.choice([0, 0, 1])):
+            given[key] = chance.thing()
+        sensor = soilvdb.Sensor(**given)
+        seed = 1 if pick() < 0.7 else chance.thing()
+        look = {"intrinsics": (3, 3, 1.5, 1.5) if pick() < 0.7 else chance.thing()}
+        kind = chance.random.randrange(4)
+        if kind == 0:
+            shape = (4, 4) if pick() < 0.7 else chance.thing()
+            image = soilvdb.depth_image(site, sensor, shape, look["intrinsics"], seed)
+            return site.scan(sensor, depth=image if pick() < 0.7 else chance.thing(), **look)
+        if kind == 1:
+            beams = 3 if pick() < 0.7 else chance.thing()
+            turn = soilvdb.lidar_turn(site, sensor, beams, 8 if pick() < 0.7 else chance.thing(), seed)
+            return site.scan(sensor, turn)
+        if kind == 2:
+            return site.scan(sensor, chance.thing(), world=chance.random.choice([True, chance.thing()]))
+        return site.apply_scans()
     if name in ("height_map", "maps"):
         given = {"shape": (4, 3), "cell": 0.1, "origin": (0.0, 0.0)}
         if pick() < 0.5:
@@ -126,34 +251,50 @@ def step(chance, site, others):
         return pickle.loads(pickle.dumps(site))
     if name == "many":
         sites = others if pick() < 0.8 else chance.thing()
-        at = [chance.sane(3) for _ in others] if pick() < 0.6 else chance.thing()
-        return soilvdb.update_many(sites, machine, positions=at)
+        if pick() < 0.6 and others:
+            return soilvdb.update_many(sites, machine, **chance.moves(site, len(others)))
+        keys = chance.random.sample(["positions", "rotations", "poses", "joints", "base", "times",
+                                     "time"], 2)
+        return soilvdb.update_many(sites, machine, **{key: chance.thing() for key in keys})
     if name == "vector":
         env = soilvdb.VectorSite(site, 2)
         keys = chance.random.sample(["positions", "rotations", "poses", "joints", "times"],
                                     chance.random.randrange(3))
-        given = {key: chance.thing() for key in keys} if pick() < 0.5 else {
-            "positions": [chance.sane(3), chance.sane(3)]}
+        given = {key: chance.thing() for key in keys} if pick() < 0.3 else chance.moves(site, 2)
+        machine = 0 if pick() < 0.8 else machine
         which = chance.random.choice([None, [True, False], [1], chance.thing()])
         if pick() < 0.3:
             env.reset(which, chance.random.choice([None, site, site.save(), chance.thing()]))
-        if pick() < 0.3:
+        if pick() < 0.1:
+            env.randomise([1], repose_angle=0.5, z=[chance.random.uniform(-1, 1)])
+        elif pick() < 0.2:
             env.randomise(which, **{key: chance.thing() for key in chance.random.sample(
                 ["repose_angle", "swell", "density", "cohesion", "z", "slope", "heights", "origin",
                  "cell"], 2)})
-        return env.step(machine, **given)
+        steps = env.step(machine, **given)
+        assert (steps.status == 0).sum() + len(steps.errors) == 2
+        look = {"shape": (3, 4), "cell": 0.2, "machine": machine}
+        for key in chance.random.sample(["machine", "origin", "pose", "turned", "layer", "ceiling",
+                                         "design", "out"], chance.random.choice([0, 0, 1, 2])):
+            look[key] = chance.thing()
+        return chance.random.choice([
+            lambda: env.height_map(**look), lambda: env.loads(machine),
+            lambda: env.resistance(machine, soil=chance.soil())])()
     if name == "volume":
         return site.volume(chance.arrays.uniform(-3, 3, (3, 2)) if pick() < 0.5 else chance.thing(),
                            design=soilvdb.plane(-0.2) if pick() < 0.5 else chance.thing())
     if name == "place":
-        if pick() < 0.5:
-            return site.place(0, position=chance.sane(3), rotation=chance.rotation())
+        if pick() < 0.7:
+            return site.place(0, **chance.moves(site))
         return site.place(machine, position=chance.thing(), time=chance.thing())
     if name == "cast":
         return site.cast(chance.sane(3) if pick() < 0.6 else chance.thing(),
                          chance.arrays.normal(size=(2, 3, 3)) if pick() < 0.6 else chance.thing())
     if name == "pose":
-        return site.pose(machine, chance.thing())
+        if pick() < 0.7:
+            rows = chance.random.choice([None, 3])
+            return site.pose(0, chance.joints(rows), chance.base(rows) if pick() < 0.5 else None)
+        return site.pose(machine, chance.thing(), chance.thing())
     if name == "raster":
         return soilvdb.Site(0.2, soilvdb.raster(
             chance.arrays.uniform(-3, 3, (4, 5)) if pick() < 0.5 else chance.thing(),
@@ -164,8 +305,8 @@ def step(chance, site, others):
                                      soilvdb.Machine, soilvdb.plane, soilvdb.raster,
                                      soilvdb.snapshot, soilvdb.Site])
         return kind(*[chance.thing() for _ in range(chance.random.randrange(5))])
-    if name == "close" and pick() < 0.02:
-        return site.close()
+    if name == "close":
+        return site.close() if pick() < 0.05 else None
     return getattr(site, name)() if hasattr(site, name) else None
 
 

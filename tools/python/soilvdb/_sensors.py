@@ -45,7 +45,7 @@ def depth_image(site: Site, sensor: Sensor, shape: tuple[int, int], intrinsics: 
     try:
         fx, fy, cx, cy = (float(value) for value in intrinsics)
     except (TypeError, ValueError):
-        raise ValueError(f"intrinsics is {intrinsics!r}; it must be (fx, fy, cx, cy), in pixels"
+        raise ValueError(f"intrinsics is {_shown(intrinsics)}; it must be (fx, fy, cx, cy), in pixels"
                          ) from None
     if not (fx > 0 and fy > 0 and all(map(math.isfinite, (fx, fy, cx, cy)))):
         raise ValueError(f"intrinsics is ({fx:g}, {fy:g}, {cx:g}, {cy:g}); all must be finite, and "
@@ -109,7 +109,13 @@ def _check(site: Any, sensor: Any, seed: Any) -> None:
             raise TypeError(f"{name} must be soilvdb.{kind.__name__}, not {type(value).__name__}")
     whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool)
     if seed is not None and not (whole and seed >= 0):
-        raise ValueError(f"seed is {seed!r}; it must be a whole number, 0 or more, or None")
+        raise ValueError(f"seed is {_shown(seed)}; it must be a whole number, 0 or more, or None")
+
+
+def _shown(given: Any) -> str:
+    """For a message of one line."""
+    text = repr(given)
+    return text if "\n" not in text and len(text) <= 80 else type(given).__name__
 
 
 def _whole(name: str, given: Any, count: int) -> tuple[int, ...]:
@@ -122,8 +128,8 @@ def _whole(name: str, given: Any, count: int) -> tuple[int, ...]:
             isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value > 0
             for value in values):
         wanted = "(H, W), whole numbers" if count == 2 else "a whole number"
-        raise ValueError(f"{name} is {given if count == 2 else given[0]!r}; it must be {wanted}, 1 or "
-                         "more")
+        shown = _shown(given if count == 2 else given[0])
+        raise ValueError(f"{name} is {shown}; it must be {wanted}, 1 or more")
     return tuple(int(value) for value in values)
 
 
