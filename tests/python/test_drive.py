@@ -294,6 +294,15 @@ def test_states_that_are_none_are_refused_by_name(state, why):
         assert not isinstance(told.value, soilvdb.StateError)
 
 
+def test_sites_of_other_joints_take_none_by_name():
+    sites = [excavator(), soilvdb.Site(0.1, soilvdb.plane(0.0), [
+        soilvdb.Machine(soilvdb.Bucket(1, 1), "digger")])]
+    before = [site.save() for site in sites]
+    with pytest.raises(ValueError, match="site 1 has other joints than site 0"):
+        soilvdb.update_many(sites, "digger", joints={name: [0.0, 0.0] for name in JOINTS})
+    assert [site.save() for site in sites] == before
+
+
 def test_a_machine_without_joints_refuses_them_by_name():
     site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Machine(soilvdb.Bucket(1, 1), "digger")])
     for call in (site.update, site.place, site.update_path,

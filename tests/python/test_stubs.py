@@ -3,6 +3,7 @@
 """The stubs say what the compiled module has: names, arguments, which of them by name alone."""
 
 import ast
+import inspect
 import re
 from pathlib import Path
 
@@ -66,3 +67,16 @@ def test_classes_have_the_same_members_and_arguments():
             assert stub_arguments(node) == real_arguments(getattr(_soilvdb, node.name)), node.name
             checked += 1
     assert checked > 25
+
+
+def test_a_vector_site_takes_what_the_calls_of_many_sites_take():
+    """By name, with types: an editor knows them, and mypy refuses others."""
+    stubs = {node.name: node for node in STUB.body if isinstance(node, ast.FunctionDef)}
+    for method, function, own in (("height_map", "height_maps", {"sites", "threads"}),
+                                  ("step", "update_many", {"sites", "time"})):
+        parameters = inspect.signature(getattr(soilvdb.VectorSite, method)).parameters
+        assert {p.kind for p in parameters.values()} <= {
+            inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY}
+        assert all(p.annotation not in ("Any", inspect.Parameter.empty)
+                   for name, p in parameters.items() if name != "self")
+        assert set(parameters) - {"self"} == set(sum(stub_arguments(stubs[function]), [])) - own

@@ -100,6 +100,10 @@ std::vector<Update> update_sites(const py::object& given, const MachineName& mac
   const py::tuple kept = several(given, "sites", "soilvdb.Site");  // keeps the sites alive
   const std::vector<Site*> sites = sites_of(kept);
   if (time && !times.is_none()) throw py::type_error("give either time or times");
+  for (std::size_t i = 1; i < sites.size() && py::hasattr(joints, "keys"); ++i)
+    if (joint_names(*sites[i], machine) != joint_names(*sites[0], machine))
+      throw py::value_error(
+          fmt::format("site {} has other joints than site 0; give joints as an array", i));
   py::object each = times;
   if (time) {
     Array one(static_cast<py::ssize_t>(sites.size()));

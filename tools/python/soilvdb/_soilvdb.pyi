@@ -15,6 +15,7 @@ from ._scan import ByMachine
 __version__: str
 
 _Array = npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]] | DLPack
+_Out = npt.NDArray[Any] | DLPack | memoryview
 _Numbers = Sequence[float] | _Array
 _Path = str | os.PathLike[str]
 _Layer = Literal["height", "loose", "dug", "design"]
@@ -282,7 +283,7 @@ class Site:
         layer: _Layer = ...,
         ceiling: float | None = ...,
         design: Terrain | None = ...,
-        out: npt.NDArray[Any] | None = ...,
+        out: _Out | None = ...,
     ) -> npt.NDArray[Any]: ...
     def cast(
         self, origins: _Rows | _Numbers, directions: _Numbers | _Rows
@@ -432,7 +433,7 @@ def height_maps(
     layer: _Layer = ...,
     ceiling: float | None = ...,
     design: Terrain | None = ...,
-    out: Any = ...,
+    out: _Out | None = ...,
     threads: int | None = ...,
 ) -> npt.NDArray[Any]: ...
 def _array(given: Any, name: str) -> npt.NDArray[np.float64]: ...

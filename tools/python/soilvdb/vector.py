@@ -26,7 +26,7 @@ from ._soilvdb import (
 )
 
 if TYPE_CHECKING:
-    from ._soilvdb import _Bases, _Layer, _Numbers, _Poses, _Rows
+    from ._soilvdb import _Bases, _Layer, _Numbers, _Out, _Poses, _Rows
 
 Floats = npt.NDArray[np.float64]
 _State = Union[Site, bytes]  # read by Python 3.9
@@ -110,7 +110,7 @@ class VectorSite:
     def height_map(self, *, machine: int | str | None = None, origin: _Numbers | None = None,
                    pose: _Rows | _Poses | None = None, shape: tuple[int, int], cell: float,
                    turned: bool = True, layer: _Layer = "height", ceiling: float | None = None,
-                   design: Terrain | None = None, out: Any = None) -> npt.NDArray[Any]:
+                   design: Terrain | None = None, out: _Out | None = None) -> npt.NDArray[Any]:
         """Site.height_map() of each site: (count, ny, nx) float64, or `out`, filled. One of: machine,
         origin (x, y), pose, (4, 4) for all or (count, 4, 4). A site whose machine has no place yet,
         as after randomise(), has a map of NaN. Raises the errors of soilvdb.height_maps().
