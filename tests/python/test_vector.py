@@ -246,6 +246,7 @@ def test_wrong_calls_are_told(start):
             (lambda: soilvdb.VectorSite(start, 2, threads=10**7), ValueError, "must be 1 to 1024"),
             (lambda: env.height_map(machine=0, shape=(2, 2), cell=0.1, layer="design"), ValueError,
              "needs the design"),
+            (lambda: soilvdb.VectorSite(start, 2, threads="a"), TypeError, "int or None, not str"),
             (lambda: soilvdb.VectorSite(start, 2, threads=0), ValueError, "threads is 0")]:
         with pytest.raises(error, match=message) as told:
             call()

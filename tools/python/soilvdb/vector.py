@@ -72,6 +72,8 @@ class VectorSite:
             raise TypeError(f"site must be soilvdb.Site, not {type(site).__name__}")
         if not isinstance(count, int) or count < 1:
             raise ValueError(f"count is {count}; it must be 1 or more")
+        if threads is not None and not isinstance(threads, int):
+            raise TypeError(f"threads must be int or None, not {type(threads).__name__}")
         if threads is not None and not 1 <= threads <= 1024:
             raise ValueError(f"threads is {threads}; it must be 1 to 1024")
         self._threads = threads
