@@ -150,26 +150,51 @@ for (const machine of summary.machines) {
   for (const {logTime, data} of messages) assert(Math.abs(Number(logTime) - data.time_s * 1e9) < 1e3);
 }
 
-// Forces are those of updates.csv, where they were asked for.
-const [head, ...updates] = run.endsWith("live") ? [[]]
-  : (await readFile(`${run}/updates.csv`, "utf8")).trim().split("\n").map((row) => row.split(","));
-if (head.includes("force_x_n")) {
-  for (const {name} of summary.machines) {
-    const {schema, messages} = topics.get(`/${name}/soil_wrench`);
-    assert.equal(schema.name, "geometry_msgs/msg/WrenchStamped");
-    const rows = updates.filter((row) => row[1] === name);
-    assert.equal(messages.length, rows.length);
-    let most = 0;
-    messages.forEach(({data: {header, wrench: {force, torque}}}, i) => {
-      assert.equal(header.frame_id, `${name}_bucket`);
-      [force.x, force.y, force.z, torque.y].forEach((value, k) => {
-        const given = Number(rows[i][head.indexOf("force_x_n") + k]);
-        assert(Math.abs(value - given) <= 1e-5 * Math.abs(given) + 1e-9, `${value} is ${given}`);
-      });
-      most = Math.max(most, -force.x);
-    });
-    assert(most > 1000, "it digs");
+// Forces are those of updates.csv and of a live site's answers, where they were asked for, and buckets are
+// where their motion was then.
+const lines = async (file) => (await readFile(file, "utf8")).trim().split("\n");
+const near = (value, wanted, error) => assert(Math.abs(value - wanted) <= error, `${value} is ${wanted}`);
+async function wantedForces(name) {
+  if (run.endsWith("force_live")) {
+    const answers = (await lines(`${run}/answers`)).map(JSON.parse), states = (await lines(`${run}/states`)).map(JSON.parse);
+    return states.map(({time, position, rotation}, i) => ({time, position, rotation, force: answers[i].force_n, torque: answers[i].moment_nm}));
   }
+  if (run.endsWith("live")) return [];
+  const [head, ...updates] = (await lines(`${run}/updates.csv`)).map((row) => row.split(","));
+  if (!head.includes("force_x_n")) return [];
+  const [, ...motion] = (await lines(`${run}.csv`)).map((row) => row.split(",").map(Number));
+  return updates.filter((row) => row[1] === name).map((row) => {
+    const [x, y, z, turn] = row.slice(head.indexOf("force_x_n")).map(Number), time = Number(row[0]);
+    const i = Math.max(1, motion.findIndex((at) => at[0] >= time)), [a, b] = [motion[i - 1], motion[i]];
+    const at = a.map((value, k) => value + ((time - a[0]) / (b[0] - a[0])) * (b[k] - value));
+    return {time, position: at.slice(1, 4), rotation: [0, 0, Math.sin(at[4] / 2), Math.cos(at[4] / 2)], force: [x, y, z], torque: [, turn]};
+  });
+}
+for (const {name} of summary.machines) {
+  const wanted = await wantedForces(name);
+  assert.equal(topics.has("/tf"), wanted.length > 0);
+  if (wanted.length === 0) continue;
+  const {schema, messages} = topics.get(`/${name}/soil_wrench`), places = topics.get("/tf").messages
+    .filter(({data: {transforms: [place]}}) => place.child_frame_id === `${name}_bucket`);
+  assert.equal(schema.name, "geometry_msgs/msg/WrenchStamped");
+  assert.equal(messages.length, wanted.length);
+  assert.equal(places.length, wanted.length);
+  wanted.forEach((at, i) => {
+    const {logTime, data: {header, wrench}} = messages[i], [place, ...more] = places[i].data.transforms;
+    assert.equal(more.length, 0);
+    assert.equal(header.frame_id, `${name}_bucket`);
+    assert.equal(place.header.frame_id, "world");
+    for (const stamp of [header.stamp, place.header.stamp]) assert.equal(ns(stamp), logTime);
+    assert.equal(places[i].logTime, logTime);
+    near(Number(logTime), at.time * 1e9, 1e3);
+    ["x", "y", "z"].forEach((axis, k) => {
+      for (const part of ["force", "torque"])
+        if (at[part][k] !== undefined) near(wrench[part][axis], at[part][k], 1e-5 * Math.abs(at[part][k]) + 1e-9);
+      near(place.transform.translation[axis], at.position[k], 1e-5);
+    });
+    ["x", "y", "z", "w"].forEach((axis, k) => near(place.transform.rotation[axis], at.rotation[k], 1e-9));
+  });
+  assert(Math.max(...wanted.map(({force}) => -force[0])) > 1000, "it digs");
 }
 
 // The ledger counts samples, the mesh is true to a thousandth of what was cut.

@@ -42,7 +42,8 @@ END
 node check.mjs runs/dig 500000 5400000
 
 # The same in soil that resists, with its force.
-sed -e 's/voxel_size: 0.05/voxel_size: 0.1/' -e 's/mcap: true/mcap: true, force: true/' runs/dig.yaml >runs/force.yaml
+sed -e 's/voxel_size: 0.05/voxel_size: 0.1/' -e 's/mcap: true/mcap: true, force: true/' -e s/dig.csv/force.csv/ runs/dig.yaml >runs/force.yaml
+cp runs/dig.csv runs/force.csv
 echo 'soil: {repose_angle: 0.6, density: 1800, cohesion: 100000}' >>runs/force.yaml
 "$program" run runs/force.yaml --out runs/force >/dev/null 2>&1
 node check.mjs runs/force 500000 5400000
@@ -55,8 +56,10 @@ node check.mjs runs/torn.part
 # A live site that plays the same, stopped while it runs on, and gone on with.
 serve() {
   rm -f runs/url runs/said
-  "$program" serve runs/dig.yaml --speed 20 --out runs/live --port 0 >runs/url 2>runs/said &
+  "$program" serve "$@" --port 0 </dev/null >runs/url 2>runs/said &
   server=$!
+}
+until_has() {
   n=0
   until grep -qs "$1" "$2"; do
     n=$((n + 1))
@@ -64,17 +67,39 @@ serve() {
     sleep 0.1
   done
 }
+keep_summary() {
+  node -e 'fetch(`${process.argv[1]}summary.json`).then((r) => r.text()).then(console.log)' "$1" >"$2"
+}
 trap 'kill $server 2>/dev/null || true' EXIT
-serve "come to its end" runs/said
-url=$(cat runs/url)
-node -e 'fetch(process.argv[1]).then((r) => r.text()).then(console.log)' "${url}summary.json" \
-  >runs/live_summary.json
+serve runs/dig.yaml --speed 20 --out runs/live
+until_has "come to its end" runs/said
+keep_summary "$(cat runs/url)" runs/live_summary.json
 kill -INT $server
 wait $server
 cp runs/live_summary.json runs/live/summary.json
 node check.mjs runs/live 500000 5400000
-serve http runs/url
+serve runs/dig.yaml --speed 20 --out runs/live
+until_has http runs/url
 kill -INT $server
 wait $server
 cp runs/live_summary.json runs/live/summary.json
 node check.mjs runs/live 500000 5400000 soil_1.mcap
+
+# A live site that is asked for each force records those that it answers.
+mkdir runs/force_live
+awk -F, 'NR > 1 { printf "{\"machine\": \"digger\", \"time\": %s, \"position\": [%s, %s, %s], " \
+  "\"rotation\": [0, 0, 0.19866933079506122, 0.98006657784124163], \"force\": true}\n", $1, $2, $3, $4 }' \
+  runs/dig.csv >runs/states
+"$program" serve runs/force.yaml --stdin --out runs/force_live --port 0 <runs/states >runs/answers 2>runs/said &
+server=$!
+n=0
+until [ "$(wc -l <runs/answers)" -eq "$(wc -l <runs/states)" ]; do
+  n=$((n + 1))
+  [ $n -lt 600 ] && kill -0 $server || { cat runs/said; exit 1; }
+  sleep 0.1
+done
+keep_summary "$(sed -n 's/.*serving at //p' runs/said)" runs/summary.json
+kill -INT $server
+wait $server
+mv runs/states runs/answers runs/summary.json runs/force_live
+node check.mjs runs/force_live 500000 5400000

@@ -304,6 +304,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   all.folder = recording.folder;
   all.measures = recording.folder / kMeasuresName;
   if (scenario.mcap) all.mcap_folder = recording.folder;
+  all.mcap_forces = scenario.force;
   // Errors of the command must be reported before a recording exists.
   const auto server = std::make_shared<Server>(
       site, make_recorded_history(site.session().clone(), recording.folder), design, all);

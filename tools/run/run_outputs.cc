@@ -91,7 +91,9 @@ void RunOutputs::record_load(const io::JournalUpdate& update, const PartialUpdat
   load.cut_m3 = site_.volume_m3(cut_samples_[update.machine] += sum.cut_samples);
   if (scenario_.soil) load.bucket_kg = site_.kg(update.bucket_samples);
   mcap_->load(update.end_s, update.machine, load);
-  if (update.force) mcap_->wrench(update.end_s, update.machine, *update.force);
+  if (!update.force) return;
+  const std::optional<MachineState> last = site_.last(update.machine);  // batches are single steps
+  mcap_->wrench(update.end_s, update.machine, last->pose, *update.force);
 }
 
 void RunOutputs::look(double time_s) {

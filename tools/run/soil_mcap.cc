@@ -34,8 +34,21 @@ void put_stamp(io::CdrWriter& cdr, double time_s) {
   cdr.put_all(static_cast<std::int32_t>(ns / kNsPerS), static_cast<std::uint32_t>(ns % kNsPerS));
 }
 
-void put_pose(io::CdrWriter& cdr, const Vec3& position) {
-  cdr.put_all(position.x(), position.y(), position.z(), 0.0, 0.0, 0.0, 1.0);
+void put_pose(io::CdrWriter& cdr, const Vec3& position,
+              const Eigen::Quaterniond& rotation = Eigen::Quaterniond::Identity()) {
+  cdr.put_all(position.x(), position.y(), position.z());
+  cdr.put_all(rotation.x(), rotation.y(), rotation.z(), rotation.w());
+}
+
+/// A message with the place of one frame in the world.
+io::CdrWriter transform(double time_s, std::string_view frame, const Pose& world_from_frame) {
+  io::CdrWriter cdr;
+  cdr.put(std::uint32_t{1});
+  put_stamp(cdr, time_s);
+  cdr.put(kWorld);
+  cdr.put(frame);
+  put_pose(cdr, world_from_frame.position, world_from_frame.rotation);
+  return cdr;
 }
 
 std::string id_of(const Coord3& block) {
@@ -89,7 +102,8 @@ SoilMcap::SoilMcap(std::filesystem::path file, const Ground& ground, const std::
   for (const Chunk* chunk : ground.chunks()) changed_.insert(changed_.end(), chunk->origin);
   ground_ = writer_.add_channel("/ground", scene_update_schema(), "cdr");
   elevation_ = writer_.add_channel("/elevation", grid_map_schema(), "cdr");
-  const std::uint16_t transforms = writer_.add_channel("/tf_static", transforms_schema(), "cdr");
+  const std::uint16_t fixed = writer_.add_channel("/tf_static", transforms_schema(), "cdr");
+  if (forces) places_ = writer_.add_channel("/tf", transforms_schema(), "cdr");
   for (const std::string& name : machines) {
     // Names come from the user's files and need not be UTF-8.
     const std::string json = io::to_text(nlohmann::json(name));
@@ -106,13 +120,7 @@ SoilMcap::SoilMcap(std::filesystem::path file, const Ground& ground, const std::
   writer_.add_metadata("soilvdb", {{"origin", fmt::format("{} {} {}", o.x(), o.y(), o.z())},
                                    {"voxel_size_m", fmt::format("{}", ground.voxel_size_m())},
                                    {"crs_wkt", crs_wkt}});
-  io::CdrWriter cdr;
-  cdr.put(std::uint32_t{1});
-  put_stamp(cdr, begin_s);
-  cdr.put(kWorld);
-  cdr.put(kFrame);
-  put_pose(cdr, o);
-  writer_.write(transforms, ns_of(begin_s), cdr.bytes());
+  writer_.write(fixed, ns_of(begin_s), transform(begin_s, kFrame, {.position = o}).bytes());
 }
 
 SoilMcap::~SoilMcap() {
@@ -218,12 +226,16 @@ void SoilMcap::load(double time_s, std::size_t machine, const Load& load) {
   channel.newest_s = time_s;
 }
 
-void SoilMcap::wrench(double time_s, std::size_t machine, const std::array<double, 6>& force) {
+void SoilMcap::wrench(double time_s, std::size_t machine, const Pose& world_from_bucket,
+                      const std::array<double, 6>& force) {
+  const Channel& channel = loads_[machine];
+  const std::string_view frame = channel.frame;
+  writer_.write(places_, ns_of(time_s), transform(time_s, frame, world_from_bucket).bytes());
   io::CdrWriter cdr;
   put_stamp(cdr, time_s);
-  cdr.put(std::string_view(loads_[machine].frame));
+  cdr.put(frame);
   for (const double value : force) cdr.put(value);
-  writer_.write(loads_[machine].wrenches, ns_of(time_s), cdr.bytes());
+  writer_.write(channel.wrenches, ns_of(time_s), cdr.bytes());
 }
 
 void SoilMcap::close(double time_s) {

@@ -17,19 +17,20 @@
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
+#include "soilvdb/types.h"
 #include "tools/run/elevation_map.h"
 #include "tools/run/snapshot_schedule.h"
 
 namespace soilvdb::tools {
 
-/// Topics, all in the frame `site`, metres:
+/// Topics, in the frame `site` but for the last three, metres:
 /// - `/ground`, foxglove_msgs/msg/SceneUpdate: an entity of triangles for each block of 32^3
 ///   voxels; the same id replaces it;
 /// - `/elevation`, grid_map_msgs/msg/GridMap with the layer `elevation`;
 /// - `/load/MACHINE`, JSON: load of a bucket, at most ten times a second;
 /// - `/MACHINE/soil_wrench`, geometry_msgs/msg/WrenchStamped in the frame `MACHINE_bucket`: the
-/// force
-///   of the soil on a bucket after each update, if that is recorded;
+///   force of the soil on a bucket after each update, if that is recorded;
+/// - `/tf`, tf2_msgs/msg/TFMessage, with each of them: `MACHINE_bucket` in `world`;
 /// - `/tf_static`, tf2_msgs/msg/TFMessage, once: `site` in `world`, so that coordinates stay small.
 ///
 /// Times are those of the motions, from 0 to 2^31 s. The output depends only on the calls, so a run
@@ -67,8 +68,9 @@ class SoilMcap {
   bool ground(double time_s, std::size_t most = std::numeric_limits<std::size_t>::max());
   /// Records the first load in each tenth of a second.
   void load(double time_s, std::size_t machine, const Load& load);
-  /// @param force and moment, N and N m
-  void wrench(double time_s, std::size_t machine, const std::array<double, 6>& force);
+  /// @param force and moment in the bucket's frame at the middle of the lip, N and N m
+  void wrench(double time_s, std::size_t machine, const Pose& world_from_bucket,
+              const std::array<double, 6>& force);
 
   void flush() { writer_.flush(); }
   /// Records the rest, and ends the file.
@@ -93,7 +95,7 @@ class SoilMcap {
   bool map_due_ = false, asked_ = false;
   CachedMesher mesher_;
   ElevationMap map_;
-  std::uint16_t ground_ = 0, elevation_ = 0;
+  std::uint16_t ground_ = 0, elevation_ = 0, places_ = 0;
   std::vector<Channel> loads_;
   std::set<Coord3, Before> changed_;      // chunks to record
   Coord3 last_changed_ = Coord3::Zero();  // last recorded chunk

@@ -4,12 +4,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <limits>
 #include <optional>
 #include <utility>
 
+#include "soilvdb/resistance.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/text.h"
 
@@ -31,8 +33,12 @@ fs::path free_name(const fs::path& folder) {
 
 }  // namespace
 
-LiveMcap::LiveMcap(const fs::path& folder, const LiveSite& site, const Ground& copy)
-    : site_(site), folder_(folder), copy_(copy), crs_wkt_(site.session().site().crs_wkt) {
+LiveMcap::LiveMcap(const fs::path& folder, LiveSite& site, const Ground& copy, bool forces)
+    : site_(site),
+      forces_(forces),
+      folder_(folder),
+      copy_(copy),
+      crs_wkt_(site.session().site().crs_wkt) {
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   for (const SiteMachine& machine : site.session().machines()) {
     noted_.push_back({kNaN, noted_.size(), {kNaN, kNaN, {}}});
@@ -65,6 +71,20 @@ void LiveMcap::note_loads() {
   }
 }
 
+void LiveMcap::note_force(std::size_t machine) {
+  Session& session = site_.session();
+  if (session.machines()[machine].bucket.shape) return;  // it has no blade
+  try {
+    const Wrench all = session.resistance(machine).total();
+    const MachineState last = *session.last(machine);
+    ForceAt& now = news_.forces.emplace_back(
+        ForceAt{last.time_s ? *last.time_s : now_s(), machine, last.pose, {}});
+    std::copy_n(all.moment.data(), 3, std::copy_n(all.force.data(), 3, now.force.begin()));
+  } catch (const std::exception& e) {  // the state was taken nevertheless
+    say(fmt::format("warning: a force isn't recorded: {}", e.what()));
+  }
+}
+
 void LiveMcap::tick(std::span<const Coord3> changed, GroundCopy& beside) {
   news_.changed.insert(news_.changed.end(), changed.begin(), changed.end());
   if (site_.fed() == 0) return;
@@ -91,9 +111,11 @@ void LiveMcap::record(const News& news) {
   try {
     if (!mcap_)
       mcap_.emplace(free_name(folder_), copy_, crs_wkt_, machines_, news.time_s,
-                    /*end_s=*/std::nullopt);
+                    /*end_s=*/std::nullopt, forces_);
     mcap_->changed(news.changed);
     for (const LoadAt& at : news.loads) mcap_->load(at.time_s, at.machine, at.load);
+    for (const ForceAt& at : news.forces)
+      mcap_->wrench(at.time_s, at.machine, at.world_from_bucket, at.force);
     // Machines' times may stand still, or go back after a wrong clock.
     const double clock_s = std::chrono::duration<double>(Clock::now() - begin_).count();
     if (!mcap_->due(clock_s) && !behind_ && !news.last) return;

@@ -3,6 +3,7 @@
 // soil.mcap of a live site, written beside its feeds.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <filesystem>
@@ -24,8 +25,11 @@ class LiveMcap {
  public:
   /// Begins with the first fed state, in a file with a free name: soil.mcap, soil_1.mcap and so on.
   /// @param copy the ground that jobs read; jobs must end before this object
-  LiveMcap(const std::filesystem::path& folder, const LiveSite& site, const Ground& copy);
+  /// @param forces note_force() is called
+  LiveMcap(const std::filesystem::path& folder, LiveSite& site, const Ground& copy, bool forces);
 
+  /// Notes the force on a bucket after a state of it.
+  void note_force(std::size_t machine);
   /// Notes loads and changes of the ground, and starts a job to record them.
   void tick(std::span<const Coord3> changed, GroundCopy& beside);
   /// Starts a job that writes the rest and ends the file.
@@ -38,11 +42,18 @@ class LiveMcap {
     std::size_t machine = 0;
     SoilMcap::Load load;
   };
+  struct ForceAt {
+    double time_s = 0;
+    std::size_t machine = 0;
+    Pose world_from_bucket;
+    std::array<double, 6> force;
+  };
   /// Changes to record.
   struct News {
     double time_s = 0;
     std::vector<Coord3> changed = {};
     std::vector<LoadAt> loads = {};
+    std::vector<ForceAt> forces = {};
     bool last = false;
   };
 
@@ -51,7 +62,8 @@ class LiveMcap {
   void hand_over(GroundCopy& beside, bool last);
   void record(const News& news);
 
-  const LiveSite& site_;
+  LiveSite& site_;
+  const bool forces_;
   const Clock::time_point begin_ = Clock::now();
   std::vector<LoadAt> noted_;  // the last of each machine
   News news_;

@@ -115,6 +115,7 @@ StepResult LiveSite::taken(const MachineState& state, StepResult step) {
                                  static_cast<double>(now.units.loose)),
                     hauled - std::exchange(hauled_, hauled)}))
     moved_[state.machine] = Clock::now();
+  if (after_state_) after_state_(state.machine);
   return step;
 }
 

@@ -73,6 +73,8 @@ class LiveSite {
   /// @return a line: the update, or `{"error": ..}`, and then the site is unchanged
   std::string feed(std::string_view line, const std::shared_ptr<const FeedSource>& source = {});
   StepResult feed(const MachineState& state);
+  /// Has this called after each state that was taken, with the number of its machine.
+  void after_states(std::function<void(std::size_t)> call) { after_state_ = std::move(call); }
   /// Those of its scenario.
   void set_sensors(std::map<std::string, io::SensorInput> sensors) {
     sensors_ = std::move(sensors);
@@ -169,6 +171,7 @@ class LiveSite {
   std::int64_t hauled_ = 0;  ///< so far, units of mass
   ChangeBefore before_;
   bool recorded_ = false;
+  std::function<void(std::size_t)> after_state_;
 };
 
 }  // namespace soilvdb::tools

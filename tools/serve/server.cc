@@ -95,9 +95,10 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
       mesher(std::make_unique<CachedMesher>(*copy)),
       forces(site.session(), *copy),
       measures(options.measures),
-      recording(options.mcap_folder.empty()
-                    ? nullptr
-                    : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
+      recording(
+          options.mcap_folder.empty()
+              ? nullptr
+              : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy, options.mcap_forces)),
       beside(std::make_unique<GroundCopy>(*copy)) {
   if (options.drape)
     shown["/drape"] = {
@@ -116,6 +117,8 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
             ? "; end the program that listens there, or name another --port (0: any that is free)"
             : ""));
   }
+  if (recording && options.mcap_forces)
+    site.after_states([this](std::size_t machine) { recording->note_force(machine); });
 }
 
 void ServerState::drop(std::map<Coord3, Cached, Before>::iterator cached) {
@@ -247,7 +250,7 @@ Json ServerState::change_list(const std::string& list, const std::string& change
   follow_ground();
   recording->finish(*beside);
   beside->finish();
-  recording = std::make_unique<LiveMcap>(options.mcap_folder, site, *copy);
+  recording = std::make_unique<LiveMcap>(options.mcap_folder, site, *copy, options.mcap_forces);
   recording->tick(site.session().site().ground->origins(), *beside);
   return answer;
 }

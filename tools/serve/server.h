@@ -38,6 +38,7 @@ struct ServerOptions {
   std::string lines = {};                       ///< answer of /lines; empty: none
   std::filesystem::path folder = {};            ///< of the recording, whose disk may fill; or empty
   std::filesystem::path mcap_folder = {};       ///< empty: no MCAP is recorded
+  bool mcap_forces = false;                     ///< with the soil's forces on buckets
   std::filesystem::path measures = {};  ///< file of measures that have names; empty: none stay
 };
 
