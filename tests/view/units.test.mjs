@@ -400,9 +400,13 @@ test('a force that is a bound has a sign and the reason', () => {
   assert.equal(plain(999, 'heel'), '≈ 1.0 kN');
   assert.equal(plain(123456, 'no failure plane'), '≥ 120 kN');
   assert.equal(plain(5e3, 'steep blade, ground ends ahead'), '≈ 5.0 kN', 'no bound if it is also rough');
+  assert.equal(plain(5e3, 'lifts'), '≈ 5.0 kN');
+  assert.equal(plain(5e3, 'blade below ground'), '≥ 5.0 kN');
+  assert.equal(plain(5e3, 'lifts, blade below ground'), '≈ 5.0 kN', 'too high by one, too low by the other');
   assert.equal(limitText(''), '');
   assert.equal(limitText('rolled over'), 'Too low: rolled over');
   assert.equal(limitText('steep blade, heel, ground ends ahead'), 'Rough estimate: steep blade, heel. Too low: ground ends ahead');
+  assert.equal(limitText('lifts, blade below ground'), 'Rough estimate: lifts (too high). Too low: blade below ground');
 });
 
 test('the largest force is that of this and the last cycle', () => {

@@ -3,11 +3,12 @@
 // Forces for people: text, reasons why they are bounds, the largest lately, and the arrows' scale.
 import * as format from './format.js';
 
-/** Words of `limited` for a rough estimate; others are for a force that is too low. */
-const kRough = ['steep blade', 'heel'];
+/** Words of `limited` for a rough estimate, or one that is too high; others are for a force that is too low. */
+const kRough = ['steep blade', 'heel', 'lifts'];
 
 const wordsOf = (limited) => (limited === '' ? [] : limited.split(', '));
 const isRough = (word) => kRough.includes(word);
+const roughText = (word) => (word === 'lifts' ? 'lifts (too high)' : word);
 
 export const sizeOf = (force) => Math.hypot(...force);
 
@@ -23,7 +24,7 @@ export function forceText(size_n, limited) {
 /** Why a force is a bound: "Rough estimate: steep blade. Too low: ground ends ahead". */
 export function limitText(limited) {
   const words = wordsOf(limited), part = (name, list) => (list.length > 0 ? [`${name}: ${list.join(', ')}`] : []);
-  return [...part('Rough estimate', words.filter(isRough)), ...part('Too low', words.filter((word) => !isRough(word)))].join('. ');
+  return [...part('Rough estimate', words.filter(isRough).map(roughText)), ...part('Too low', words.filter((word) => !isRough(word)))].join('. ');
 }
 
 /** The scale of arrows that suits the largest bucket, and the longest arrow. @param {Object[]} machines */
