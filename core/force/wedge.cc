@@ -348,7 +348,7 @@ double length_in_soil(const SoilSlice& slice, const Angle& rake) {
 }
 
 /// A blade in a slice, and the soil.
-struct Cut {
+struct SlicedBlade {
   const SoilSlice& slice;
   const WedgeSoil& soil;
   double end_x, end_z;  // of the blade in the soil
@@ -356,7 +356,7 @@ struct Cut {
 
 /// A body of soil rides before the blade; its face has this angle. Without what it presses on the
 /// ground.
-WedgeForce body_before(const Cut& cut, double angle) {
+WedgeForce body_before(const SlicedBlade& cut, double angle) {
   const Angle rake(angle);
   const double toe = cut.end_x + cut.end_z * rake.cosine / rake.sine;
   const PushingFace face{toe, angle, cut.end_z / rake.sine, cut.end_x - toe, cut.end_z, rake};
@@ -396,7 +396,7 @@ void put_on_ground(WedgeForce& force, double share) {
   force.d_up.fill(0);
 }
 
-WedgeForce with_body(const Cut& cut, double angle) {
+WedgeForce with_body(const SlicedBlade& cut, double angle) {
   WedgeForce force = body_before(cut, angle);
   if (force.up > 0) put_on_ground(force, std::tan(cut.soil.friction));
   return force;
@@ -404,7 +404,7 @@ WedgeForce with_body(const Cut& cut, double angle) {
 
 /// The body of least force whose angle is nearly known, with derivatives. It presses on the ground,
 /// is lifted off it, or is about to be lifted: then the angle is where it presses no more.
-WedgeForce body_near(const Cut& cut, double angle, double steepest) {
+WedgeForce body_near(const SlicedBlade& cut, double angle, double steepest) {
   const double low = angle - kBodyAngleStep, high = angle + kBodyAngleStep;
   const bool is_flattest = low < kFlattestBody;
   if (is_flattest || high > steepest) {  // the least may be the last that is tried
@@ -450,7 +450,7 @@ WedgeForce body_near(const Cut& cut, double angle, double steepest) {
 
 /// The body of least force, by Brent's method (Algorithms for Minimization without Derivatives,
 /// 1973). Gives up once that is certainly far more than `direct`.
-WedgeForce least_body(const Cut& cut, double direct, BodyGuess& guess) {
+WedgeForce least_body(const SlicedBlade& cut, double direct, BodyGuess& guess) {
   constexpr double kGolden = 0.3819660112501051;
   const double steepest = std::min(cut.slice.rake, std::numbers::pi / 2);
   const bool guessed = guess.angle > kFlattestBody && guess.angle < steepest;
