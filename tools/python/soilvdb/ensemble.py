@@ -213,7 +213,8 @@ class Ensemble:
         """The force of the soil on the machine's bucket, as Site.resistance(). soil: mean values of
         what resists; default: the site's soil, and rigid soil needs one. Each clone has its own
         soil about it if the noise has errors of the soil. Clones that wait for their first state
-        are left out; with fewer than two others the statistics are nan.
+        are left out; with fewer than two others the statistics are nan. What the formula of the
+        force leaves out is in no sigma: rate, water, rock, the shape of teeth.
 
         Raises the errors of Site.resistance(), and ValueError (NoiseError) if errors of the soil
         are too large for its values.

@@ -124,7 +124,8 @@ class VectorSite:
     def resistance(self, machine: int | str = 0, *, soil: Soil | None = None,
                    crescents: bool = True) -> tuple[Floats, Floats]:
         """Site.resistance() of each site: forces, N, and moments, N m, each (count, 3), on the
-        bucket in its frame; NaN before the machine's first state.
+        bucket in its frame; NaN before the machine's first state. Not in them: rate, water, rock,
+        the shape of teeth.
         """
         return resistances(self._sites, machine, soil=soil, crescents=crescents,
                            threads=self._threads)
