@@ -40,7 +40,7 @@ TEST_F(McapOutput, HasTheSameBytesForAnyNumberOfThreads) {
              "[0, 0.3]]}, motion: dig.csv}\n"
              "  - {name: b, bucket: *b, motion: second.csv}\n"
              "pours:\n  - {name: truck, at: [0.5, 1, 1], time: [1, 3.5], volume: 0.05}\n"
-             "output: {mcap: true}\n");
+             "output: {mcap: true, force: true}\n");
   good("run two.yaml --threads 1 --out one");
   good("run two.yaml --threads 2 --out two");
   const std::string one = read_file(folder() / "one/soil.mcap");
@@ -70,6 +70,23 @@ TEST_F(McapOutput, IsMadeAgainWhereverTheRunEnded) {
   // Where it is whole only what isn't is dug again.
   damage("soil_3.vdb", 1000);
   EXPECT_NE(good("resume out/dig").out.find("going on from soil_2.vdb"), std::string::npos);
+  EXPECT_TRUE(recording() == whole);
+}
+
+TEST_F(McapOutput, HasTheSameForcesAndPlacesWhereTheRunWentOn) {
+  std::string text = read_file(folder() / "dig.yaml");
+  text.replace(text.find("mcap: true"), 10, "mcap: true, force: true");
+  write_file(folder() / "dig.yaml", text + "soil: {repose_angle: 0.61, swell: 0.25}\n");
+  run_whole();
+  const std::string whole = recording();
+  io::McapReader reader(out() / "soil.mcap");
+  io::McapReader::Message message;
+  std::map<std::string, int> counts;
+  while (reader.next(message)) ++counts[message.channel->topic];
+  EXPECT_GT(counts["/digger/soil_wrench"], 10);
+  EXPECT_EQ(counts["/tf"], counts["/digger/soil_wrench"]);
+  interrupt(0.6);
+  good("resume out/dig");
   EXPECT_TRUE(recording() == whole);
 }
 
