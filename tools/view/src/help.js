@@ -36,7 +36,7 @@ export function fillHelp(site) {
     h('h3', {}, 'Colours'),
     h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; clods are loose soil. Changes smaller than the band under Options are shown as ground.'),
     h('h3', {}, 'Force'),
-    h('p', {}, 'With Force in the legend, an arrow at each lip is the force of the soil on the bucket, by the ground ahead and the scenario\u2019s soil, with the weight of the load. \u2248 is before a rough estimate, \u2265 before a force that is too low; the gauge says why. Load is less than the weight of what the bucket holds: the soil on the blade counts under Digging. Not in the force: the rate of the dig, water, rock and the shape of teeth.'),
+    h('p', {}, 'With Force in the legend, an arrow at each lip is the force of the soil on the bucket, by the ground ahead and the scenario\u2019s soil, with the weight of the load. \u2248 is before a rough estimate, \u2265 before a force that is too low; the gauge says why. Load may be less than the weight of what the bucket holds: soil on the blade counts under Digging then. Not in the force: the rate of the dig, water, rock and the shape of teeth.'),
     h('h3', {}, 'Keys'), keys,
     site ? h('p', {class: 'faint'}, `Voxels of ${format.length(site.voxel_size_m)}. Coordinates E, N and height in ${kUnits.length[unit('length')][0].toLowerCase().replace(/^us/, 'US')}${site.crs ? `, ${site.crs}` : ''}.`) : '');
 }
