@@ -15,41 +15,14 @@
 #include "io/file/json.h"
 #include "io/mcap/cdr.h"
 #include "tools/run/mcap_schemas.h"
+#include "tools/run/ros_messages.h"
 
 namespace soilvdb::tools {
 namespace {
 
 constexpr double kGroundEvery_s = 0.5, kMapEvery_s = 1, kLoadsPerS = 10;
-constexpr double kMostTimeS = 2147483647;  // largest stamp
-constexpr std::size_t kMostBlocks = 32;    // of a message, and in memory at once
+constexpr std::size_t kMostBlocks = 32;  // of a message, and in memory at once
 constexpr std::string_view kFrame = "site", kWorld = "world";
-
-std::uint64_t ns_of(double time_s) {
-  return static_cast<std::uint64_t>(std::llround(std::clamp(time_s, 0.0, kMostTimeS) * 1e9));
-}
-
-void put_stamp(io::CdrWriter& cdr, double time_s) {
-  constexpr std::uint64_t kNsPerS = 1'000'000'000;
-  const std::uint64_t ns = ns_of(time_s);
-  cdr.put_all(static_cast<std::int32_t>(ns / kNsPerS), static_cast<std::uint32_t>(ns % kNsPerS));
-}
-
-void put_pose(io::CdrWriter& cdr, const Vec3& position,
-              const Eigen::Quaterniond& rotation = Eigen::Quaterniond::Identity()) {
-  cdr.put_all(position.x(), position.y(), position.z());
-  cdr.put_all(rotation.x(), rotation.y(), rotation.z(), rotation.w());
-}
-
-/// A message with the place of one frame in the world.
-io::CdrWriter transform(double time_s, std::string_view frame, const Pose& world_from_frame) {
-  io::CdrWriter cdr;
-  cdr.put(std::uint32_t{1});
-  put_stamp(cdr, time_s);
-  cdr.put(kWorld);
-  cdr.put(frame);
-  put_pose(cdr, world_from_frame.position, world_from_frame.rotation);
-  return cdr;
-}
 
 std::string id_of(const Coord3& block) {
   return fmt::format("block {} {} {}", block.x(), block.y(), block.z());
@@ -71,7 +44,7 @@ void put_entity(io::CdrWriter& cdr, double time_s, const Coord3& block, const Me
   cdr.put(std::uint8_t{0});                        // frame_locked: false
   for (int i = 0; i < 6; ++i) cdr.put(kNone);      // metadata, arrows, ..., lines
   cdr.put(kOne);                                   // triangles
-  put_pose(cdr, Vec3::Zero());
+  put_pose(cdr, {});
   cdr.put(static_cast<std::uint32_t>(mesh.points.size()));
   for (const auto& p : mesh.points) cdr.put_all(double{p.x()}, double{p.y()}, double{p.z()});
   cdr.put_all(0.55, 0.42, 0.3, 1.0);  // colour
@@ -120,7 +93,8 @@ SoilMcap::SoilMcap(std::filesystem::path file, const Ground& ground, const std::
   writer_.add_metadata("soilvdb", {{"origin", fmt::format("{} {} {}", o.x(), o.y(), o.z())},
                                    {"voxel_size_m", fmt::format("{}", ground.voxel_size_m())},
                                    {"crs_wkt", crs_wkt}});
-  writer_.write(fixed, ns_of(begin_s), transform(begin_s, kFrame, {.position = o}).bytes());
+  writer_.write(fixed, stamp_ns(begin_s),
+                transform_message(begin_s, kWorld, kFrame, {.position = o}));
 }
 
 SoilMcap::~SoilMcap() {
@@ -171,47 +145,20 @@ void SoilMcap::put_blocks(double time_s, std::span<const Coord3> blocks) {
   for (const Coord3& block : gone) put_deletion(cdr, time_s, block);
   cdr.put(static_cast<std::uint32_t>(there.size()));
   for (const auto& [block, mesh] : there) put_entity(cdr, time_s, block, mesh);
-  writer_.write(ground_, ns_of(time_s), cdr.bytes());
+  writer_.write(ground_, stamp_ns(time_s), cdr.bytes());
 }
 
 void SoilMcap::put_map(double time_s) {
   if (not_in_map_.empty()) return;
   map_.update(std::exchange(not_in_map_, {}));
-  const std::size_t nx = map_.size_x(), ny = map_.size_y();
-  const double cell_m = map_.cell_m();
-  const Vec2 size_m(static_cast<double>(nx) * cell_m, static_cast<double>(ny) * cell_m);
-  const Vec2 middle_m = map_.corner_m() + size_m / 2;
-  io::CdrWriter cdr;
-  put_stamp(cdr, time_s);
-  cdr.put(kFrame);
-  cdr.put_all(cell_m, size_m.x(), size_m.y());
-  put_pose(cdr, {middle_m.x(), middle_m.y(), 0});
-  for (int i = 0; i < 2; ++i) {  // layers, and those that make a cell valid
-    cdr.put(std::uint32_t{1});
-    cdr.put(std::string_view("elevation"));
-  }
-  cdr.put(std::uint32_t{1});
-  // grid_map's order: column by column, from the highest x and y down.
-  const auto columns = static_cast<std::uint32_t>(ny), rows = static_cast<std::uint32_t>(nx);
-  cdr.put(std::uint32_t{2});
-  cdr.put(std::string_view("column_index"));
-  cdr.put_all(columns, columns * rows);
-  cdr.put(std::string_view("row_index"));
-  cdr.put_all(rows, rows);
-  cdr.put(std::uint32_t{0});
-  cdr.put(columns * rows);
-  const auto heights_m = map_.heights_m();
-  for (std::size_t y = ny; y-- > 0;)
-    for (std::size_t x = nx; x-- > 0;) cdr.put(heights_m[y * nx + x]);
-  cdr.put_all(std::uint16_t{0}, std::uint16_t{0});
-  writer_.write(elevation_, ns_of(time_s), cdr.bytes());
+  writer_.write(elevation_, stamp_ns(time_s), grid_map_message(time_s, kFrame, map_, Vec3::Zero()));
 }
 
 void SoilMcap::put(double time_s, Channel& channel, const Load& load) {
   std::string text = fmt::format(R"({{"machine":{},"time_s":{},"bucket_m3":{},"cut_m3":{})",
                                  channel.name, time_s, load.bucket_m3, load.cut_m3);
   if (load.bucket_kg) text += fmt::format(R"(,"bucket_kg":{})", *load.bucket_kg);
-  writer_.write(channel.id, ns_of(time_s), text + '}');
+  writer_.write(channel.id, stamp_ns(time_s), text + '}');
   channel.written_s = time_s;
   channel.newest.reset();
   channel.any = true;
@@ -229,13 +176,9 @@ void SoilMcap::load(double time_s, std::size_t machine, const Load& load) {
 void SoilMcap::wrench(double time_s, std::size_t machine, const Pose& world_from_bucket,
                       const std::array<double, 6>& force) {
   const Channel& channel = loads_[machine];
-  const std::string_view frame = channel.frame;
-  writer_.write(places_, ns_of(time_s), transform(time_s, frame, world_from_bucket).bytes());
-  io::CdrWriter cdr;
-  put_stamp(cdr, time_s);
-  cdr.put(frame);
-  for (const double value : force) cdr.put(value);
-  writer_.write(channel.wrenches, ns_of(time_s), cdr.bytes());
+  writer_.write(places_, stamp_ns(time_s),
+                transform_message(time_s, kWorld, channel.frame, world_from_bucket));
+  writer_.write(channel.wrenches, stamp_ns(time_s), wrench_message(time_s, channel.frame, force));
 }
 
 void SoilMcap::close(double time_s) {
