@@ -252,8 +252,8 @@ McapTopic read_topic(const YamlMap& map, const std::string& name, const std::str
   return topic;
 }
 
-/// The motion's CSV file, or its topic in MCAP files.
-MotionSource read_motion_source(const YamlMap& machine) {
+/// The motion's CSV file, or its topic in MCAP files; without these, its file is empty.
+MotionSource read_motion_source(const YamlMap& machine, Motions motions) {
   if (!machine.is_map("motion")) {
     const std::filesystem::path path = machine.path("motion");
     if (std::filesystem::is_directory(path))
@@ -274,6 +274,7 @@ MotionSource read_motion_source(const YamlMap& machine) {
     const YamlMap base = map.map("base", {"topic", "frame", "parent"});
     topic.base = std::make_shared<McapTopic>(read_topic(base, base.text("topic"), "urdf's root"));
   }
+  if (motions == Motions::kOptional && !map.has("mcap")) return {{}, std::move(topic)};
   std::vector<std::filesystem::path> files;
   for (const auto& path : map.paths("mcap")) {
     try {
@@ -294,6 +295,7 @@ struct Section {
   Bucket bucket;
   std::optional<Chain> chain;
   std::optional<MotionSource> motion;
+  std::optional<McapTopic> topic;
   AngleUnit angles = AngleUnit::kRadians;
   OnBadRow on_bad_row = OnBadRow::kStop;
   std::filesystem::path chain_file;
@@ -330,6 +332,7 @@ MachineInput input_of(const Section& section) {
   input.chain_file = section.chain_file;
   input.lip_sigma_m = section.lip_sigma_m;
   input.gnss = section.gnss;
+  input.topic = section.topic;
   return input;
 }
 
@@ -344,9 +347,13 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
     sections.push_back(read_section(machine, names.take(machine, "machine"), result));
     sections.back().angles = read_angle_unit(machine);
     sections.back().on_bad_row = read_on_bad_row(machine);
-    if (motions == Motions::kRequired || machine.has("motion")) {
-      sections.back().motion = read_motion_source(machine);
-      add_inputs(*sections.back().motion, result);
+    std::optional<MotionSource> motion;
+    if (motions == Motions::kRequired || machine.has("motion"))
+      motion = read_motion_source(machine, motions);
+    if (motion && motion->is_mcap) sections.back().topic = motion->mcap;
+    if (motion && !motion->file.empty()) {
+      add_inputs(*motion, result);
+      sections.back().motion = std::move(motion);
     } else {
       for (const char* key : {"angles", "bad_rows"})
         if (machine.has(key))
@@ -433,6 +440,8 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     scenario.machines.back().chain_file = section.chain_file;
     scenario.machines.back().lip_sigma_m = section.lip_sigma_m;
     scenario.machines.back().gnss = section.gnss;
+    scenario.machines.back().topic = section.topic;
+    scenario.machines.back().angles = section.angles;
   }
   read_scan_inputs(map, scenario);
   return scenario;

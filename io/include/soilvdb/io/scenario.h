@@ -20,6 +20,7 @@
 #include "soilvdb/initial_terrain.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/motion_file.h"
+#include "soilvdb/io/motion_source.h"
 #include "soilvdb/io/recorded_scans.h"
 #include "soilvdb/io/swept_boxes.h"
 #include "soilvdb/motion.h"
@@ -62,6 +63,9 @@ struct MachineInput {
   std::filesystem::path chain_file;  ///< its URDF; empty without
   double lip_sigma_m = SiteMachine{}.lip_sigma_m;
   std::optional<Gnss> gnss = {};
+  /// Of its motion in MCAP files, or without files, of what a live site listens to.
+  std::optional<McapTopic> topic = {};
+  AngleUnit angles = AngleUnit::kRadians;  ///< in its motion
 
   bool has_motion() const { return motion.rows() > 0; }
 };
