@@ -64,6 +64,7 @@ struct ServeOptions {
   std::optional<std::filesystem::path> drape;     ///< orthophoto or map
   std::optional<std::filesystem::path> boundary;  ///< corners that machines must not leave
   bool feed_stdin = false;
+  bool ros = false;  ///< exchange messages with nodes of ROS 2
 };
 void serve(const ServeOptions& options);
 

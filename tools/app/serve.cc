@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
@@ -252,6 +253,37 @@ void feed_from_input(Server& server) {
   server.end_feed();
 }
 
+/// How ROS 2 moves the machines of a scenario. The variables are those of its nodes.
+RosOptions ros_options(const io::Scenario& scenario) {
+  RosOptions ros;
+  if (const char* domain = std::getenv("ROS_DOMAIN_ID"); domain != nullptr && *domain != '\0') {
+    constexpr double kMostDomain = 232;
+    const std::optional<double> number = io::parse_number(domain);
+    if (!number || *number != std::floor(*number) || *number < 0 || *number > kMostDomain)
+      throw io::InputError(
+          fmt::format("ROS_DOMAIN_ID is '{}'; it must be a whole number from 0 to {}",
+                      io::printable(domain), kMostDomain));
+    ros.domain = static_cast<int>(*number);
+  }
+  const auto is = [](const char* variable, std::string_view value) {
+    const char* found = std::getenv(variable);
+    return found != nullptr && found == value;
+  };
+  ros.only_this_computer =
+      is("ROS_LOCALHOST_ONLY", "1") || is("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST");
+  for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
+    const io::MachineInput& machine = scenario.machines[i];
+    if (!machine.topic) continue;
+    if (machine.angles != io::AngleUnit::kRadians)
+      throw io::InputError(
+          scenario.file, fmt::format("machine '{}': with --ros angles are in radians, as ROS 2 has "
+                                     "them; remove 'angles' and have its topics so, too",
+                                     machine.name));
+    ros.machines.push_back({i, machine.name, *machine.topic, machine.chain});
+  }
+  return ros;
+}
+
 /// The command that goes on with a site. Tokens must be given again.
 std::string command_again(const ServeOptions& options) {
   std::string command = "soilvdb serve " + io::shell_quoted(options.scenario);
@@ -271,6 +303,7 @@ std::string command_again(const ServeOptions& options) {
   if (!options.base_path.empty()) command += " --base-path " + io::shell_quoted(options.base_path);
   if (options.public_view) command += " --public-view";
   if (options.feed_stdin) command += " --stdin";
+  if (options.ros) command += " --ros";
   return command;
 }
 
@@ -289,6 +322,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   all.lines = open_lines(options.lines, site.session().site());
   all.raster_cell_m = scenario.raster_cell_m;
   all.drape = drape_of(options.drape, site.session().site());
+  if (options.ros) all.ros = ros_options(scenario);
   const auto design = open_design(options.design, site.session().site());
   stop_on_signals();  // files take long to read; nothing is written yet
   Recording recording = site.session().recording();
@@ -314,6 +348,12 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
                     counted(static_cast<double>(site.fed()), "state"), at_time(site)));
   else if (!played)
     say(recording.folder.string() + ": begins here");
+  if (all.ros)
+    say(fmt::format("ROS 2: domain {}, {} moved by topics; {} may feed and look without a secret",
+                    all.ros->domain,
+                    counted(static_cast<double>(all.ros->machines.size()), "machine"),
+                    all.ros->only_this_computer ? "whoever is on this computer"
+                                                : "whoever reaches this domain"));
   std::optional<Player> player;
   if (options.speed) player.emplace(site, scenario, *options.speed);
   if (options.feed_stdin)
@@ -344,10 +384,13 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
 }  // namespace
 
 void serve(const ServeOptions& options) {
-  if (fs::is_directory(options.scenario) && (options.out || options.speed || options.feed_stdin))
+  if (fs::is_directory(options.scenario) &&
+      (options.out || options.speed || options.feed_stdin || options.ros))
     throw io::InputError(
         options.scenario,
-        "is a folder, which can only be viewed; --out, --speed and --stdin need a scenario");
+        "is a folder, which can only be viewed; --out, --speed, --stdin and --ros need a scenario");
+  if (options.ros && options.speed)
+    throw io::InputError("--ros and --speed both move machines; leave one of them out");
   const ServerOptions all = server_options(options);
   with_threads(0, [&](int) {
     if (fs::is_directory(options.scenario))

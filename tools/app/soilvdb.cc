@@ -211,6 +211,9 @@ class CommandLine {
         ->type_name("FILE");
     sub->add_flag("--stdin", serve_.feed_stdin,
                   "feed lines from standard input, too; answers go to standard output");
+    sub->add_flag("--ros", serve_.ros,
+                  "exchange messages with nodes of ROS 2: the topics of motions move machines, and "
+                  "loads, forces and the ground are published");
     sub->callback([this] { command_ = [this] { serve(serve_); }; });
   }
 

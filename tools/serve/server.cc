@@ -237,6 +237,7 @@ void ServerState::follow_ground() {
     for (Viewer* viewer : viewers) viewer->changed(block);
   }
   if (recording) recording->tick(chunks, *beside);
+  if (ros) ros->tick(chunks, *beside);
 }
 
 Json ServerState::change_list(const std::string& list, const std::string& change) {
@@ -297,7 +298,11 @@ void ServerState::tick() {
   // A server that was busy did not listen meanwhile.
   const auto passed = std::min<Clock::duration>(now - std::exchange(ticked, now), kMostPassed);
   for (Feeder* feeder : feeders) feeder->listen(passed);
-  if (!viewers.empty() || recording) follow_ground();
+  if (ros) {
+    ros->work();
+    ros->listen(passed);
+  }
+  if (!viewers.empty() || recording || ros) follow_ground();
   const auto since = now - told;
   if (!viewers.empty() &&
       (since >= kTellAgain || (site.fed() != told_fed && since >= kTellSoon - kTick / 2))) {
@@ -328,6 +333,7 @@ Server::Server(LiveSite& site, std::unique_ptr<History> history,
     : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {
   const std::string all = url();
   state_->input->name = "standard input";
+  if (options.ros) state_->ros = std::make_unique<RosBridge>(*state_, *options.ros);
   site.set_address(
       options.token.empty() ? "curl -X POST" : "curl -X POST -H 'Authorization: Bearer TOKEN'",
       all.substr(0, all.find('#')));

@@ -14,6 +14,7 @@
 #include "soilvdb/initial_terrain.h"
 #include "tools/serve/history.h"
 #include "tools/serve/live_site.h"
+#include "tools/serve/ros_bridge.h"
 
 namespace soilvdb::inline v0::io {
 struct Drape;  // io/terrain/drape.h
@@ -39,6 +40,7 @@ struct ServerOptions {
   std::filesystem::path folder = {};            ///< of the recording, whose disk may fill; or empty
   std::filesystem::path mcap_folder = {};       ///< empty: no MCAP is recorded
   bool mcap_forces = false;                     ///< with the soil's forces on buckets
+  std::optional<RosOptions> ros = {};           ///< empty: no ROS 2
   std::filesystem::path measures = {};  ///< file of measures that have names; empty: none stay
 };
 
@@ -49,7 +51,7 @@ class Server {
   /// Opens the port.
   /// @param history null: no history
   /// @param design null: no design
-  /// @throw io::InputError if it can't listen
+  /// @throw io::InputError if it can't listen; std::exception if ROS 2 can't be had
   Server(LiveSite& site, std::unique_ptr<History> history,
          std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
   ~Server();

@@ -29,6 +29,7 @@
 #include "tools/serve/measures.h"
 #include "tools/serve/progress.h"
 #include "tools/serve/query_lane.h"
+#include "tools/serve/ros_bridge.h"
 #include "tools/serve/server.h"
 #include "tools/serve/target.h"
 #include "tools/serve/terrain_tiles.h"
@@ -196,6 +197,7 @@ struct ServerState {
   ProgressSamples progress_samples;          ///< used by `other_times`
   // The last members end first.
   std::unique_ptr<LiveMcap> recording;  ///< null: no recording
+  std::unique_ptr<RosBridge> ros;       ///< null: no ROS 2
   /// Queries that have not begun at the end get no answer. A query of one place waits for no large
   /// one, and a query of the live ground for none of another time.
   std::optional<LiveHeights> place_heights, heights;  ///< during run()
