@@ -274,7 +274,12 @@ MotionSource read_motion_source(const YamlMap& machine, Motions motions) {
     const YamlMap base = map.map("base", {"topic", "frame", "parent"});
     topic.base = std::make_shared<McapTopic>(read_topic(base, base.text("topic"), "urdf's root"));
   }
-  if (motions == Motions::kOptional && !map.has("mcap")) return {{}, std::move(topic)};
+  if (!map.has("mcap")) {
+    if (motions == Motions::kOptional) return {{}, std::move(topic)};
+    map.fail("topic",
+             "the motion has no 'mcap'; name the recording. Topics alone move machines of 'soilvdb "
+             "serve --ros'");
+  }
   std::vector<std::filesystem::path> files;
   for (const auto& path : map.paths("mcap")) {
     try {

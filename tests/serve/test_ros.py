@@ -189,6 +189,28 @@ def test_a_node_that_comes_later_gets_the_ground(tmp_path, domain):
             compare_ground(server, later)
 
 
+def test_machines_of_other_feeds_are_published_too(tmp_path, domain):
+    """Also of rigid soil, which has no mass and no force; and machines that come later."""
+    path = pose_site(tmp_path, "{topic: /pose}", "")
+    with serve(path, domain, tmp_path) as server, Peer("cyclone", domain) as node:
+        status, _ = server.post("/machines", json.dumps(
+            {"add": {"name": "new-comer", "bucket": {"width": 1.0, "height": 0.6}}}).encode())
+        assert status == 200
+        node.reader("/soilvdb/digger/load", "std_msgs/Float64")
+        node.reader("/soilvdb/new_comer/load", "std_msgs/Float64")
+        node.reader("/soilvdb/ground", "grid_map_msgs/GridMap", "reliable", "latched")
+        for name, y in (("digger", 0.0), ("new-comer", 3.0)):
+            *_, last = server.feed([{**state(t, [x, y, z, *LEVEL]), "machine": name}
+                                    for t, (x, _, z, *_) in passing(40)])
+            assert last["bucket_m3"] > 0.1
+            node.until(f"/soilvdb/{ros_name(name)}/load", lambda m: number(m) == last["bucket_m3"])
+        compare_ground(server, node)
+
+
+def ros_name(name):
+    return re.sub("[^A-Za-z0-9]", "_", name)
+
+
 def test_a_run_of_the_recording_digs_the_same(tmp_path, domain):
     """The names that a scenario has for a recording serve for topics as well."""
     motion = list(rows(60))
@@ -259,7 +281,6 @@ def test_transforms_move_a_bucket_and_are_interpolated(tmp_path, domain):
         node.writer("/tf_static", "tf2_msgs/TFMessage", "reliable", "latched")
         node.reader("/soilvdb/digger/wrench", "geometry_msgs/WrenchStamped")
         node.write("/tf_static", transforms(("0.0", "base", "mast", [0, 0, 0.5, *LEVEL])))
-        until(lambda: True)
         for i in range(40):
             time_s, x = BEGIN + 0.1 * i, 0.05 * i
             node.write("/tf", transforms((text_of(time_s - 0.05), "map", "base", [x, 1.0, -0.25, *LEVEL]),
@@ -508,7 +529,9 @@ def test_what_cannot_work_is_refused_before_anything_is_written(tmp_path, motion
 def test_a_run_needs_the_recording(tmp_path):
     path = pose_site(tmp_path, "{topic: /pose}")
     tried = subprocess.run([PROGRAM, "run", path], text=True, capture_output=True, timeout=60)
-    assert tried.returncode == 2 and "mcap" in tried.stderr
+    assert tried.returncode == 2 and tried.stderr.strip().endswith(
+        "poses.yaml:5: the motion has no 'mcap'; name the recording. Topics alone move machines of "
+        "'soilvdb serve --ros'"), tried.stderr
 
 
 def test_the_program_starts_without_dds():
