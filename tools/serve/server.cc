@@ -399,6 +399,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
     s.recording->finish(*s.beside);
   }
   s.beside.reset();
+  s.ros.reset();  // says goodbye, also if a thread that reads lines keeps this server
 }
 
 std::string Server::feed(std::string line) {
