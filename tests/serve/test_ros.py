@@ -22,14 +22,9 @@ from test_feeds import DATA
 from test_machines import digest, machines
 from test_scan import excavator_site
 
-for needed in ("cyclone", "fast"):
-    if not peers.path_of(needed).exists():
-        print(f"test_ros: no {needed}_peer: its DDS isn't installed", file=sys.stderr)
 KINDS = [pytest.param(kind, marks=pytest.mark.skipif(
     not peers.path_of(kind).exists(), reason=f"built without the DDS of {kind}_peer"))
     for kind in ("cyclone", "fast")]
-pytestmark = pytest.mark.skipif(not peers.path_of("cyclone").exists(),
-                                reason="built without Cyclone DDS, so without serve --ros")
 
 SOIL = "soil: {repose_angle: 0.6, swell: 0.2, density: 1800, cohesion: 3000}\n"
 BUCKET = "{width: 1.2, height: 0.9, profile: [[0, 0], [-0.5, 0.1], [-0.6, 0.6], [0, 0.9]]}"
@@ -75,6 +70,8 @@ def state(time_s, numbers):
 
 @pytest.fixture
 def domain():
+    if not peers.path_of("cyclone").exists():
+        pytest.skip("built without Cyclone DDS or its idlc")
     return peers.free_domain()
 
 
@@ -524,6 +521,17 @@ def test_what_cannot_work_is_refused_before_anything_is_written(tmp_path, motion
     said = [line for line in tried.stderr.splitlines() if "the page isn't built" not in line]
     assert tried.returncode == 2 and len(said) == 1 and why in said[0], tried.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_build_without_dds_tells_how_to_get_it(tmp_path):
+    path = pose_site(tmp_path, "{topic: /pose}")
+    try:
+        with serve(path, peers.free_domain(), tmp_path):
+            pytest.skip("built with Cyclone DDS")
+    except AssertionError as refused:
+        assert str(refused).endswith("soilvdb: --ros: this build has no ROS 2: install cyclonedds-dev (0.10), "
+                                     "and then build soilvdb again\n")
+    assert not (tmp_path / "ros").exists()
 
 
 def test_a_run_needs_the_recording(tmp_path):
