@@ -343,7 +343,8 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           "topmost "
           "soil counts. Take heights() for the ground at a point; for volumes, and for maps, take "
           "height_map(), whose cells have the mean height of their soil. "
-          "After an update one costs about 12 us, each of many some tens of ns. With sigma a pair: "
+          "After an update one costs some microseconds, each of many some tens of ns. With sigma a "
+          "pair: "
           "heights, and their standard deviations by what is known of the machines' lips and by "
           "scans, see scan().")
       .def(

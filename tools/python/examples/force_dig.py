@@ -31,7 +31,7 @@ def dig(site: soilvdb.Site, limit_n: float) -> list[tuple[float, float, float, f
         if any(why in resistance.limited for why in TOO_LOW):
             raise SystemExit(f"at x = {x:.2f} m the force is too low: {resistance.limited}")
         force = -float(resistance.world.force[0])
-        # Takes about 12 us after an update: see the table in tools/guide/python.md.
+        # Takes some microseconds after an update: see the table in tools/guide/python.md.
         ground = float(site.heights([(x + 0.3, 0.0)])[0])
         rows.append((x, ground, lip, resistance.depth_m, force))
         # Down towards the depth within 0.5 s; up by what the force is too much; without jerks.
