@@ -180,7 +180,10 @@ struct CutGeometry::Look {
           const Vec3 in_bucket = in_world(face.from + (n + 0.5) / parts * face.along);
           const Vec3 at = lip_of(k) + in_bucket, place = of.pose_.position + at;
           const auto [j, z] = height_over(k, in_bucket);
-          const double ahead = follows ? height_over(k, in_bucket + on).second - kGoesInto * h : z;
+          // Not over the wall of a slot, which is as near as a voxel.
+          const int inner = strips > 2 ? std::clamp(k, 2, strips - 1) : k;
+          const double ahead =
+              follows ? height_over(inner, in_bucket + on).second - kGoesInto * h : z;
           const double above = (place.z() + on.z() - ahead) / h;
           if (!(above < kFreeAbove)) continue;  // nor where there is no ground
           const auto initial = ground.terrain().height(place.x(), place.y());

@@ -407,6 +407,16 @@ TEST(Resistance, PressesWhicheverWayTheLipGoes) {
     dig.to({x, 0, -0.11}, from_rpy(0, -0.3, 0));
     EXPECT_TRUE(dig.resistance().pressed) << x;
   }
+  // Back along the floor that it has just made, in voxels of which walls are in the next column.
+  for (const double voxel_m : {0.025, 0.05, 0.1}) {
+    SCOPED_TRACE(voxel_m);
+    Dig flat(voxel_m, make_plane(0, {0, 0}), bucket());
+    for (double x = 0; x < 2; x += 0.05)
+      flat.to({x, 0, 0.1 - std::min(0.3, 0.4 * x)}, from_rpy(0, 0.1, 0));
+    EXPECT_LT(flat.resistance().cut.force.x(), -2000);
+    flat.to({1.93, 0, -0.2}, from_rpy(0, 0.1, 0));
+    EXPECT_EQ(flat.resistance().heel.force, Vec3::Zero());
+  }
   dig.to({-0.3, 0, -0.11}, from_rpy(0, -0.3, 0));
   for (double x = -0.35; x > -0.45; x -= 0.02) {
     dig.to({x, 0, -0.105}, from_rpy(0, -0.3, 0));
@@ -430,6 +440,13 @@ TEST(Resistance, SaysWhereTheFormulaIsABound) {
   low.height_m = 0.3 / std::sin(60 * kDeg);
   EXPECT_EQ(limited(Vec3::UnitX(), 0.29, low), "");
   EXPECT_EQ(limited(Vec3::UnitX(), 0.36, low), "blade below ground");
+  // By any strip.
+  for (const double side : {-0.2, 0.2}) {
+    Dig dig(0.05, make_plane(0.3, {0, side}), low);
+    const CutGeometry cut(dig.heights, *dig.ground, low, {Vec3::Zero(), lean(60)}, Vec3::UnitX(),
+                          0);
+    EXPECT_EQ(cut.resistance(kLoam, false).limited(), "blade below ground");
+  }
 }
 
 /// In a box whose floor is level, loose soil lies as deep as its volume says.

@@ -369,6 +369,10 @@ TEST(Wedge, EndsWhereTheHeightsDo) {
               1e-6);
   EXPECT_TRUE(force.open);
   EXPECT_NEAR(force.failure, beta, 1e-9);
+  // Not where they are below the lip by then.
+  const Scene bank = scene([](double x) { return x < 0.5 ? 0.3 : -1.0; }, 0.25, 0.75);
+  const WedgeForce level = wedge_force(bank.slice(30), soil(18e3, 0, 30, 0));
+  EXPECT_FALSE(level.open);
 }
 
 /// A plane's force grows evenly with the soil beside it, and the least does as its plane does.

@@ -131,7 +131,7 @@ def test_it_leaves_the_ground_that_its_base_would(tmp_path):
             last = machines(server)["machine"]["state"]
             again, = server.feed([last])
             assert again["cut_m3"] == 0, "what it says can be fed"
-            ground = digest(server)
+            last, ground = machines(server)["machine"]["state"], digest(server)  # a rotation is rounded
             server.stop()
         with Server(path, "--out", out, cwd=tmp_path) as server:  # the journal has the base
             assert machines(server)["machine"]["state"] == last and digest(server) == ground

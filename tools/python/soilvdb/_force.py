@@ -68,7 +68,7 @@ def _geometries_of(scenario: str | os.PathLike[str], machine: int | str) -> list
                          f"{', '.join(map(repr, rows)) or 'none'}")
     found, order = [], [(time, who, i) for who, own in rows.items()
                         for i, time in enumerate(own["times"])]
-    for time, who, i in sorted(order, key=lambda row: row[0]):
+    for time, who, i in sorted(order, key=lambda row: float(row[0])):
         own = rows[who]
         if "joints" in own:
             state = {"joints": own["joints"][i]}
