@@ -125,7 +125,7 @@ def test_a_survey_is_the_ground_and_no_work(site, tmp_path):
         machine = server.json("/machines")["machines"][0]
         answer = take(server, tif(tmp_path / "m.tif", heights))
         assert 39 ** 2 <= answer["area_m2"] <= 39.5 ** 2 and answer["warnings"] == []
-        assert answer["voids"] == 0 and answer["outside"] == 0 and answer["time"] is None
+        assert answer["voids"] == 0 and answer["outside"] == 0
         assert answer["acknowledged_s"] == pytest.approx(0.39)
         after = server.json("/summary.json")
         volumes = after["volume_m3"]
@@ -160,6 +160,18 @@ def test_triangles_of_landxml_are_taken_by_their_name(site):
         # The terrain has a CRS and this file none.
         assert len(answer["warnings"]) == 1 and "names none" in answer["warnings"][0]
         assert height(server, 112.25, 216.25) == pytest.approx(heights[32, 24], abs=0.02)
+
+
+def sparse(share):
+    """So much of it is ground, and the rest zeros that nobody declared to be voids."""
+    return np.where(np.random.default_rng(4).random((SIDE, SIDE)) < share, surface(), 0)
+
+
+def test_some_zeros_are_told(site, tmp_path):
+    with served(site) as server:
+        warnings = take(server, tif(tmp_path / "m.tif", sparse(0.8)))["warnings"]
+        assert any("20 % of the survey are more than 5 m below the ground" in w for w in warnings), warnings
+        assert not any("/tmp" in w or str(tmp_path) in w for w in warnings), warnings
 
 
 def test_voids_and_boundaries_leave_the_ground(site, tmp_path):
@@ -202,22 +214,6 @@ def test_what_was_before_and_after_it_is_kept_and_survives_a_kill(site, tmp_path
                               capture_output=True).returncode == 0
 
 
-def test_what_was_dug_since_it_was_measured_stays(site, tmp_path):
-    data = tif(tmp_path / "m.tif", surface(waves=0.02))
-    with served(site) as server:
-        dig(server)
-        dig(server, 10.0, 230.0)
-        bottom = [height(server, 112, y) for y in (220, 230)]
-        assert max(bottom) < 9.6
-        answer = take(server, data, "?time=5")
-        assert 0 < answer["dug_since"] < 0.05
-        # Measured between the two digs: the first was there, and it saw level ground again.
-        assert height(server, 112, 220) > 9.9 and height(server, 112, 230) == pytest.approx(bottom[1])
-        status, answer = post(server, data, "?time=500")
-        assert status == 400 and "time of the feeds" in answer["error"]
-        assert height(server, 112, 230) == pytest.approx(bottom[1])
-
-
 def test_viewers_and_feeds_go_on_meanwhile(site, tmp_path):
     async def look(server, data):
         async with server.connect("/view") as view, server.connect("/feed") as feed:
@@ -245,6 +241,8 @@ def test_viewers_and_feeds_go_on_meanwhile(site, tmp_path):
     (lambda f: tif(f, surface(), crs="EPSG:25833"), "gdalwarp -t_srs EPSG:25832"),
     (lambda f: tif(f, surface(), first=(900_000.0, 200.25)), "misses the site"),
     (lambda f: tif(f, surface(47.3)), "above the same zero"),
+    (lambda f: tif(f, sparse(0.4)), "no voids"),
+    (lambda f: tif(f, sparse(0.08)), "92 % of the survey are more than 5 m below"),
     (lambda f: tif(f, surface() / 0.3048), "feet"),
     (lambda f: tif(f, surface(), crs="EPSG:4326"), "survey.tif"),
     (lambda f: tif(f, surface(), options=("-a_nodata", "10")) and tif(f, np.full((SIDE, SIDE), np.nan)), "no height"),
@@ -261,7 +259,7 @@ def test_what_can_not_be_the_ground_is_refused_in_a_line(site, tmp_path, make, s
         assert status == 400 and said in answer["error"] and "\n" not in answer["error"]
         assert "/tmp" not in answer["error"] and str(tmp_path) not in answer["error"]
         assert digest(server) == hashed
-        for query in ("?boundary=1,2,3", "?boundary=110,210,120,220,120,210,110,220", "?time=x", "?heights=ok", "?any=1"):
+        for query in ("?boundary=1,2,3", "?boundary=110,210,120,220,120,210,110,220", "?time=1", "?heights=ok", "?any=1"):
             status, answer = post(server, tif(tmp_path / "m.tif", surface()), query)
             assert status == 400, query
             assert digest(server) == hashed

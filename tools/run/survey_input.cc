@@ -21,9 +21,9 @@ constexpr int kPart = 128;
 constexpr double kMostColumns = 1 << 24;
 constexpr std::size_t kMostSurveyCorners = 4096;
 constexpr double kMostIndex = (1 << 23) - 2;
-/// If nine tenths of a survey are farther from the ground than this, all above or all below it, its
-/// heights are above something else.
-constexpr double kOtherDatum_m = 5;
+/// If half of a survey is farther above the ground than this, or below it, its heights are above
+/// something else or no heights; if less is, but so much of it, that is told.
+constexpr double kOtherDatum_m = 5, kMostFar = 0.5, kSomeFar = 0.01;
 /// If nine tenths are off by about the same, at least so much, that is told.
 constexpr double kOffset_m = 0.15, kAlike = 0.5;
 constexpr double kFoot_m = 0.3048, kLikeFeet = 0.05;
@@ -99,39 +99,45 @@ struct SurveyOffset {
 void check_heights(const std::vector<float>& differences_m, double ground_m,
                    const SurveyOptions& options, std::vector<std::string>& warnings) {
   const SurveyOffset off(differences_m);
-  const bool is_one_sided = (off.low_m > 0) == (off.high_m > 0);
-  const double least_m = std::min(std::abs(off.low_m), std::abs(off.high_m));
-  const std::string by = fmt::format(
-      "nine tenths of {} are {:.2f} to {:.2f} m {} the ground", options.name, least_m,
-      std::max(std::abs(off.low_m), std::abs(off.high_m)), off.middle_m > 0 ? "above" : "below");
-  if (is_one_sided && least_m > kOtherDatum_m) {
+  const auto all = static_cast<double>(differences_m.size());
+  for (const double side : {1.0, -1.0}) {
+    const auto is_far = [&](double by_m) { return side * by_m > kOtherDatum_m; };
+    const double far =
+        static_cast<double>(std::count_if(differences_m.begin(), differences_m.end(), is_far)) /
+        all;
+    if (far < kSomeFar) continue;
+    const std::string by = fmt::format(
+        "{:.0f} % of {} are more than {:.0f} m {} the ground, half of it {:.2f} m or more",
+        100 * far, options.name, kOtherDatum_m, side > 0 ? "above" : "below", side * off.middle_m);
+    const bool is_most = far > kMostFar;
+    if (!is_most || options.trusts_heights) {
+      warnings.push_back(is_most
+                             ? by
+                             : fmt::format("{:.0f} % of {} are more than {:.0f} m {} the ground; "
+                                           "are these heights, and not voids?",
+                                           100 * far, options.name, kOtherDatum_m,
+                                           side > 0 ? "above" : "below"));
+      continue;
+    }
     const double ratio = (ground_m + off.middle_m) / ground_m;
     const bool in_feet = std::abs(ratio * kFoot_m - 1) < kLikeFeet;
-    const std::string why =
+    throw std::invalid_argument(
         by + (in_feet ? "; they seem to be in feet; convert them to metres"
                       : "; are its heights above the same zero as the terrain's, and not above the "
-                        "ellipsoid, and in metres? Convert them, or say that they are to be "
-                        "trusted");
-    if (!options.trusts_heights) throw std::invalid_argument(why);
-    warnings.push_back(by);
-  } else if (is_one_sided && std::abs(off.middle_m) > kOffset_m &&
-             off.high_m - off.low_m < kAlike * std::abs(off.middle_m)) {
-    warnings.push_back(by + ", about alike; are its heights above the same zero as the terrain's?");
+                        "ellipsoid, in metres, and no voids? Convert them, or say that they are to "
+                        "be trusted"));
   }
+  if ((off.low_m > 0) == (off.high_m > 0) && std::abs(off.middle_m) > kOffset_m &&
+      off.high_m - off.low_m < kAlike * std::abs(off.middle_m))
+    warnings.push_back(fmt::format(
+        "nine tenths of {} are {:.2f} to {:.2f} m {} the ground, about alike; are its heights "
+        "above "
+        "the same zero as the terrain's?",
+        options.name, std::min(std::abs(off.low_m), std::abs(off.high_m)),
+        std::max(std::abs(off.low_m), std::abs(off.high_m)), off.middle_m > 0 ? "above" : "below"));
 }
 
 }  // namespace
-
-std::int64_t leave_changed(const Ground& ground, const SurveyHeights& before, SurveyHeights& part) {
-  const SurveyHeights now = column_heights(ground, part.first, part.size);
-  std::int64_t left = 0;
-  for (std::size_t i = 0; i < part.heights.size(); ++i) {
-    if (part.heights[i] == SurveyHeights::kNone || now.heights[i] == before.heights[i]) continue;
-    part.heights[i] = SurveyHeights::kNone;
-    ++left;
-  }
-  return left;
-}
 
 SurveyInput read_survey(const Session& session, const io::Base& survey,
                         const SurveyOptions& options) {
@@ -179,7 +185,7 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
   const auto surface = std::make_shared<Ground>(h, ground.origin(), survey.surface);
   std::vector<float> differences_m;
   double ground_m = 0;
-  std::int64_t asked = 0, voids = 0, outside = 0, later = 0, taken = 0;
+  std::int64_t asked = 0, voids = 0, outside = 0, taken = 0;
   const Coord2 end = columns.first + columns.size;
   const auto aligned = [](int at) { return at & ~(kPart - 1); };
   for (int x = columns.first.x(); x < end.x(); x = aligned(x) + kPart) {
@@ -188,10 +194,7 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
       const Coord2 first(x, y);
       const Coord2 size = Coord2(aligned(x) + kPart, aligned(y) + kPart).cwiseMin(end) - first;
       SurveyHeights part = column_heights(*surface, first, size);
-      SurveyHeights now = column_heights(ground, first, size);
-      const SurveyHeights since = options.since != nullptr
-                                      ? column_heights(*options.since->site().ground, first, size)
-                                      : SurveyHeights();
+      const SurveyHeights now = column_heights(ground, first, size);
       std::int64_t of_part = 0;
       for (int i = 0; i < size.x(); ++i) {
         for (int j = 0; j < size.y(); ++j) {
@@ -206,11 +209,6 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
             height = SurveyHeights::kNone;
             continue;
           }
-          if (options.since != nullptr && since.heights[n] != now.heights[n]) {
-            ++later;
-            height = SurveyHeights::kNone;
-            continue;
-          }
           ++of_part;
           differences_m.push_back(static_cast<float>(
               h / 64 * static_cast<double>(std::int64_t{height} - now.heights[n])));
@@ -220,16 +218,12 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
       taken += of_part;
       if (of_part == 0) continue;
       input.parts.push_back(std::move(part));
-      if (options.since != nullptr) input.before.push_back(std::move(now));
     }
   }
   if (taken == 0)
-    throw std::invalid_argument(
-        fmt::format("{} has no height where the site has ground{}", options.name,
-                    later > 0 ? " that is as it was at that time"
-                              : (is_bounded ? " inside the boundary"
-                                            : "; are its coordinates those of the "
-                                              "site?")));
+    throw std::invalid_argument(fmt::format(
+        "{} has no height where the site has ground{}", options.name,
+        is_bounded ? " inside the boundary" : "; are its coordinates those of the site?"));
   check_heights(differences_m, ground_m / static_cast<double>(taken), options, input.warnings);
   // What is beyond the site was not looked at; a boundary there is taken as its box.
   const double beyond = box.sizes().allFinite()
@@ -239,7 +233,6 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
   input.area_m2 = static_cast<double>(taken) * h * h;
   input.voids = static_cast<double>(voids) / all;
   input.outside = (static_cast<double>(outside) + beyond) / all;
-  input.later = static_cast<double>(later) / all;
   return input;
 }
 

@@ -3,8 +3,6 @@
 // A survey of the ground, such as a drone's, checked against the site whose ground it becomes.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
@@ -18,28 +16,21 @@ struct SurveyOptions {
   std::string name = "survey";          ///< in messages
   std::vector<Vec2> boundary = {};      ///< corners, world, m; empty: all of the survey
   bool trusts_heights = false;          ///< however far they are from the ground
-  const Session* since = nullptr;       ///< where the ground is not as there any more, it stays
   std::function<void()> go_on = [] {};  ///< called often; an exception from it ends the work
 };
 
 struct SurveyInput {
   /// Squares of columns, in which heights are that are to be taken.
   std::vector<SurveyHeights> parts;
-  std::vector<SurveyHeights> before;  ///< the ground's in each of them; only with `since`
-  double area_m2 = 0;                 ///< of the columns that are to be taken
-  /// Parts of the survey's area: without a height; where the site has no ground; where the ground
-  /// has changed since.
-  double voids = 0, outside = 0, later = 0;
+  double area_m2 = 0;  ///< of the columns that are to be taken
+  /// Parts of the survey's area: without a height; where the site has no ground.
+  double voids = 0, outside = 0;
   std::vector<std::string> warnings = {};
 };
 
 /// @param site whose ground it becomes
 /// @throw std::invalid_argument with one line if the survey is in another CRS, misses the site, or
-///        is far from the ground all over, as in another vertical datum or unit
+///        is mostly far from the ground, as in another vertical datum or unit
 SurveyInput read_survey(const Session& site, const io::Base& survey, const SurveyOptions& options);
-
-/// Takes out of a part what has changed in the ground since it was read.
-/// @param before its heights then @return number of columns that were taken out
-std::int64_t leave_changed(const Ground& ground, const SurveyHeights& before, SurveyHeights& part);
 
 }  // namespace soilvdb::tools

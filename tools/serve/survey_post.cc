@@ -24,8 +24,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::chrono::milliseconds kLookAgain{2};
-/// A clock that is farther ahead of all machines is wrong.
-constexpr double kSurveyAhead_s = 60;
 
 /// The ending of a file's name, by which its format is known, from its first bytes.
 const char* suffix_of_bytes(const fs::path& file) {
@@ -52,7 +50,7 @@ SurveyPost::SurveyPost(ServerState& state, const std::string& text, std::string 
     : state_(state), from_(std::move(from)), disk_(state.io) {
   const std::optional<Target> target = parse_target(text);
   if (!target) throw std::invalid_argument("the address can't be read");
-  const QueryParameters parameters(*target, {"boundary", "time", "heights", "surface"});
+  const QueryParameters parameters(*target, {"boundary", "heights", "surface"});
   if (!parameters.text_if("boundary").empty()) {
     const std::vector<double> numbers = parameters.numbers("boundary");
     if (numbers.size() % 2 != 0 || numbers.size() < 6 || numbers.size() > 2 * kMostCorners)
@@ -61,17 +59,6 @@ SurveyPost::SurveyPost(ServerState& state, const std::string& text, std::string 
     for (std::size_t i = 0; i < numbers.size(); i += 2)
       options_.boundary.emplace_back(numbers[i], numbers[i + 1]);
   }
-  time_s_ = parameters.time_if("time");
-  const std::optional<double> latest_s = state_.site.time_s();
-  if (time_s_ && latest_s && *time_s_ > *latest_s + kSurveyAhead_s)
-    throw std::invalid_argument(
-        fmt::format("'time' is {} s, more than {} s after the latest state, {} s; is it in the "
-                    "time of the feeds?",
-                    *time_s_, kSurveyAhead_s, time_text(*latest_s)));
-  if (time_s_ && latest_s && *time_s_ < *latest_s && (!state_.history || !state_.site.recorded()))
-    throw std::invalid_argument(
-        "nothing is recorded here, so the ground at 'time' is not known; leave it out if nothing "
-        "was dug since");
   options_.trusts_heights = parameters.word("heights", {"checked", "trusted"}) == "trusted";
   surface_ = parameters.text_if("surface");
   if (state_.surveying)
@@ -110,16 +97,12 @@ void SurveyPost::begin() {
   try {
     if (const std::string why = state_.site.session().recording_fault(); !why.empty())
       return refuse(500, why);
-    const bool is_past = time_s_ && state_.site.time_s() && *time_s_ < *state_.site.time_s();
-    if (is_past) state_.site.session().flush();  // its journal is read
     auto live = std::make_shared<Session>(state_.site.session().clone());
-    // The thread that knows other times, or one that no viewer waits for. What is called at the end
-    // keeps this alive, so that it ends on this thread.
+    // On a thread that no viewer waits for. What is called at the end keeps this alive, so that it
+    // ends on this thread.
     state_.query(
-        is_past ? state_.other_times : state_.scans, from_,
-        [this, live, is_past] {
-          const auto then = is_past ? state_.history->ground_at(*time_s_) : live;
-          if (time_s_) options_.since = then.get();
+        state_.scans, from_,
+        [this, live] {
           read(*live);
           return Reply();
         },
@@ -130,6 +113,14 @@ void SurveyPost::begin() {
   } catch (const std::exception& e) {
     refuse(500, e.what());
   }
+}
+
+/// A message without the path of where the file is kept here.
+std::string SurveyPost::without_folder(std::string why) const {
+  const std::string here = folder_.string() + '/';
+  for (std::size_t at = why.find(here); at != why.npos; at = why.find(here, at))
+    why.erase(at, here.size());
+  return why;
 }
 
 /// On a thread of queries. @param site a copy of the live one
@@ -150,14 +141,11 @@ void SurveyPost::read(Session& site) {
       if (state_.ending) throw std::runtime_error("the site has ended");
     };
     input_ = read_survey(site, survey, options_);
+    for (std::string& warning : input_.warnings) warning = without_folder(std::move(warning));
   } catch (const std::invalid_argument&) {
     throw;
   } catch (const io::InputError& e) {  // which names where it is kept here
-    std::string why = e.what();
-    const std::string here = folder_.string() + '/';
-    for (std::size_t at = why.find(here); at != why.npos; at = why.find(here, at))
-      why.erase(at, here.size());
-    throw std::invalid_argument(why);
+    throw std::invalid_argument(without_folder(e.what()));
   }
 }
 
@@ -170,9 +158,7 @@ void SurveyPost::next() {
     if (session.origin() != origin_)
       throw std::runtime_error("the site was moved to its first machine; send the survey again");
     if (taken_ == input_.parts.size()) return finish(session.hurry());
-    SurveyHeights& part = input_.parts[taken_];
-    if (!input_.before.empty())
-      later_ += leave_changed(*session.site().ground, input_.before[taken_], part);
+    const SurveyHeights& part = input_.parts[taken_];
     const SurveyVolumes made = state_.site.survey(part);
     volumes_.removed_m3 += made.removed_m3;
     volumes_.added_m3 += made.added_m3;
@@ -199,19 +185,14 @@ void SurveyPost::finish(std::uint64_t updates) {
     return;
   }
   const double column_m2 = session.voxel_size_m() * session.voxel_size_m();
-  const double later_m2 = static_cast<double>(later_) * column_m2;
-  const double all_m2 =
-      input_.area_m2 / std::max(1e-9, 1 - input_.voids - input_.outside - input_.later);
-  Json answer = {{"time", time_s_ ? Json(*time_s_) : Json()},
-                 {"acknowledged_s", on_disk.updates > 0 ? Json(on_disk.time_s) : Json()},
-                 {"area_m2", input_.area_m2 - later_m2},
+  Json answer = {{"acknowledged_s", on_disk.updates > 0 ? Json(on_disk.time_s) : Json()},
+                 {"area_m2", input_.area_m2},
                  {"changed_m2", static_cast<double>(volumes_.changed) * column_m2},
                  {"removed_m3", volumes_.removed_m3},
                  {"added_m3", volumes_.added_m3},
                  {"voids", input_.voids},
-                 {"outside", input_.outside}};
-  if (time_s_) answer["dug_since"] = input_.later + later_m2 / all_m2;
-  answer["warnings"] = input_.warnings;
+                 {"outside", input_.outside},
+                 {"warnings", input_.warnings}};
   done_({200, "application/json", io::to_text(answer) + '\n'});
 }
 

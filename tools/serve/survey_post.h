@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "tools/run/survey_input.h"
@@ -42,17 +41,16 @@ class SurveyPost : public std::enable_shared_from_this<SurveyPost> {
   void next();
   void finish(std::uint64_t updates);
   void refuse(unsigned status, const std::string& why);
+  std::string without_folder(std::string why) const;
 
   ServerState& state_;
   const std::string from_;
   std::filesystem::path folder_;
   std::string surface_;  ///< name of one of several in the file
-  std::optional<double> time_s_;
   SurveyOptions options_;
   SurveyInput input_;
   Vec3 middle_ = Vec3::Zero(), origin_ = Vec3::Zero();  ///< of the survey; of its columns
   std::size_t taken_ = 0;                               ///< parts
-  std::int64_t later_ = 0;  ///< columns that changed since they were read
   SurveyVolumes volumes_;
   boost::asio::steady_timer disk_;
   std::function<void(Reply)> done_;
