@@ -17,13 +17,19 @@ struct Line {
   Lanes u, v, y, dy, z, dz;
 };
 
+SOILVDB_INLINE Lanes along_y(const Affine& a, float x, float z) {
+  return a.at(x, 0.5f, z) + kLaneNumbers * a.ny;
+}
+SOILVDB_INLINE Lanes along_z(const Affine& a, float x, float y) {
+  return a.at(x, y, 0.5f) + kLaneNumbers * a.nz;
+}
 SOILVDB_INLINE Line along_y(const Stroke& s, float x, float z) {
-  const auto lanes = [&](const Affine& a) { return a.at(x, 0.5f, z) + kLaneNumbers * a.ny; };
-  return {lanes(s.u), lanes(s.v), lanes(s.y), lanes(s.dy), lanes(s.z), lanes(s.dz)};
+  return {along_y(s.u, x, z),  along_y(s.v, x, z), along_y(s.y, x, z),
+          along_y(s.dy, x, z), along_y(s.z, x, z), along_y(s.dz, x, z)};
 }
 SOILVDB_INLINE Line along_z(const Stroke& s, float x, float y) {
-  const auto lanes = [&](const Affine& a) { return a.at(x, y, 0.5f) + kLaneNumbers * a.nz; };
-  return {lanes(s.u), lanes(s.v), lanes(s.y), lanes(s.dy), lanes(s.z), lanes(s.dz)};
+  return {along_z(s.u, x, y),  along_z(s.v, x, y), along_z(s.y, x, y),
+          along_z(s.dy, x, y), along_z(s.z, x, y), along_z(s.dz, x, y)};
 }
 
 /// Largest difference of these coordinates over a box from those at its middle.

@@ -15,6 +15,8 @@ using Lanes = float __attribute__((vector_size(kChunkSide * sizeof(float))));
 /// A lane has all bits set or no bit, the result of comparing Lanes.
 using LaneMask = std::int32_t __attribute__((vector_size(kChunkSide * sizeof(std::int32_t))));
 
+/// For every function or lambda that takes or returns vectors: kernels for newer CPUs pass them in
+/// other registers than code for any CPU does.
 #define SOILVDB_INLINE inline __attribute__((always_inline))
 
 inline constexpr Lanes kLaneNumbers = {0, 1, 2, 3, 4, 5, 6, 7};

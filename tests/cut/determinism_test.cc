@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The same input gives the same bits: on any number of threads, run after run, and on any build and
-// CPU, by golden values. Built a second time on top of a core without optimisation and without
-// kernels for one CPU or another.
+// CPU, by golden values. Built twice more on top of a core without optimisation: with and without
+// kernels for newer CPUs.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
