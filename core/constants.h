@@ -227,7 +227,7 @@ inline constexpr int kMaxRestRounds = 32;
 /// First margin of a window around the changed columns, and around a pile, cells. It doubles when
 /// soil comes to the window's border. A larger value reads columns in vain, a smaller one reads
 /// columns twice.
-inline constexpr int kWindowMargin = 8, kPourMargin = 2;
+inline constexpr int kWindowMargin = 8, kPourMargin = 8;
 /// Largest side of a window, cells: 50 m at 5 cm. Soil that slides farther does so in a next
 /// window.
 inline constexpr int kMaxWindowCells = 1024;
@@ -515,6 +515,9 @@ inline constexpr float kFluxTolerance = 0.04f;
 inline constexpr int kRestCheckSteps = 10;
 /// Steps between two looks for tiles that soil came to. Until then it waits at their border.
 inline constexpr int kActivateSteps = 5;
+/// Soil that must have come to a column of a tile before soil may leave that tile, sides. With less,
+/// counts' errors set soil flowing all over a heap; with more, a slide's foot stands too steep.
+inline constexpr float kMinReach = 0.02f;
 /// Tiles around a tile for which room is made at once. With fewer, arrays are copied more often.
 inline constexpr int kSpareTiles = 3;
 /// Share of its soil that a column may lack in the end. It is rounding.

@@ -13,6 +13,7 @@
 
 #include "core/constants.h"
 #include "core/ground/ground_writer.h"
+#include "core/lattice/affine.h"
 #include "core/lattice/cell_counts.h"
 #include "core/lattice/chunk_math.h"
 #include "core/settle/sample_ranking.h"
@@ -82,7 +83,7 @@ class SampleStack {
 
   /// Takes the column's samples in their order from one end: cell by cell while all of a cell come
   /// before any that could be left, then one by one.
-  void choose(const ColumnEdit& c, float slope) {
+  SOILVDB_FOR_CPUS void choose(const ColumnEdit& c, float slope) {
     if (c.samples <= 0) return;
     const int step = adds_ ? 1 : -1, from = adds_ ? c.low : c.high, to = adds_ ? c.high : c.low;
     std::int64_t sum = 0;

@@ -37,16 +37,6 @@ struct Nothing {
 
 }  // namespace
 
-double held_at_brink(double before, double here, double beyond, double slope) {
-  here = std::max(here, 0.0);
-  beyond = std::max(beyond, 0.0);
-  const double steepest = std::max(here, beyond);
-  if (steepest <= slope || before >= slope) return 0;  // on steeper support it slides by
-  // Of a slope that goes on the drops say where it begins, a step is between columns.
-  const double short_by = beyond > here ? 1 - here / beyond : (1 - beyond / here) / 2;
-  return short_by * std::min(steepest - slope, slope - std::max(before, 0.0));
-}
-
 float FluxGrid::value_of_nothing(int array) {
   const Nothing none;
   if (array == kBase) return none.base();
@@ -181,12 +171,12 @@ bool FluxGrid::is_gentle(const Coord2& tile) const {
 float FluxGrid::brink(std::size_t i, std::ptrdiff_t to) const {
   const std::vector<float>& base = arrays_[kBase];
   const auto drop = [&](std::size_t a, std::size_t b) {
-    return missing(a) || missing(b) ? 0 : base[a] - base[b];
+    return missing(a) || missing(b) ? 0.0f : base[a] - base[b];
   };
   const std::size_t next = i + static_cast<std::size_t>(to);
   if (missing(next)) return 0;
-  return static_cast<float>(held_at_brink(drop(i - static_cast<std::size_t>(to), i), drop(i, next),
-                                          drop(next, next + static_cast<std::size_t>(to)), limit_));
+  return held_at_brink(drop(i - static_cast<std::size_t>(to), i), drop(i, next),
+                       drop(next, next + static_cast<std::size_t>(to)), limit_);
 }
 
 /// Activates tiles that soil flowed into.
@@ -201,7 +191,7 @@ void FluxGrid::activate_reached() {
         // The columns at that side.
         const Coord2 in(to.x() == 0 ? k : (to.x() + 1) / 2 * (kTileSide - 1),
                         to.y() == 0 ? k : (to.y() + 1) / 2 * (kTileSide - 1));
-        if (!(arrays_[kOut + side][at(kTileSide * tile + in)] > 0)) continue;
+        if (!(arrays_[kOut + side][at(kTileSide * tile + in)] > kMinReach)) continue;
         reached.push_back(next);
         break;
       }
@@ -365,8 +355,10 @@ bool FluxGrid::is_still(std::size_t first) const {
 /// passed it on; those that soil went round in circles between give nothing.
 void FluxGrid::share_out(std::vector<std::size_t> columns) {
   const auto stride = static_cast<std::size_t>(stride_);
+  std::vector<std::pair<std::size_t, double>> less;
+  std::vector<std::uint8_t> listed;  // by column
   for (int round = 0; !columns.empty(); ++round) {
-    std::vector<std::pair<std::size_t, double>> less;
+    less.clear();
     for (const std::size_t i : columns) {
       if (missing(i)) continue;
       const Balance b = balance(i);
@@ -374,12 +366,13 @@ void FluxGrid::share_out(std::vector<std::size_t> columns) {
         less.emplace_back(i, round < kMaxOwedRounds ? b.had / b.out : 0);
     }
     columns.clear();
+    listed.resize(share_.size());
     for (const auto& [i, share] : less) {
       share_[i] = share;
-      columns.insert(columns.end(), {i - stride, i - 1, i, i + 1, i + stride});
+      for (const std::size_t n : {i - stride, i - 1, i, i + 1, i + stride})
+        if (std::exchange(listed[n], std::uint8_t{1}) == 0) columns.push_back(n);
     }
-    std::sort(columns.begin(), columns.end());
-    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+    for (const std::size_t n : columns) listed[n] = 0;
   }
 }
 

@@ -34,11 +34,6 @@ struct FluxTile {
   static constexpr double kMissingBase = 4e9;
 };
 
-/// Depth of soil that stays in the middle of a column beside a brink, where support bends to
-/// something steeper than `slope`: soil lies up to the bend. The support's drops, in sides: to the
-/// column from the one before it, to the next, and from that to the one beyond.
-double held_at_brink(double before, double here, double beyond, double slope);
-
 /// Columns, and the soil that flowed between them. Heights and drops are in sides of the columns.
 ///
 /// A column has four quadrants, each with one neighbour along x and one along y: the lower x if

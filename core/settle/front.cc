@@ -266,11 +266,11 @@ void FrontFinder::over_lips_of(int column, int from) {
   }
 }
 
-bool FrontFinder::step(int x, int y, int to_x, int to_y, double& edge) const {
+/// As step(), of columns that one of the two drops between.
+bool FrontFinder::steps_down(int x, int y, int to_x, int to_y, double& edge) const {
   const Columns& c = *columns_;
   const int i = to_x - x, j = to_y - y, high = c.index(x, y), low = c.index(to_x, to_y);
   const double drop = c.at(high) - c.at(low), firm_drop = c.firm_at(high) - c.firm_at(low);
-  if (!(std::max(drop, firm_drop) > slope_ + tau_)) return false;
   // Ground goes on to the face from both sides as it came, unless it rises too steep for that.
   const int behind = c.open(x - i, y - j) ? c.index(x - i, y - j) : high;
   const int beyond = c.open(to_x + i, to_y + j) ? c.index(to_x + i, to_y + j) : low;

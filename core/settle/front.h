@@ -84,7 +84,13 @@ class FrontFinder {
 
   /// Ground falls by a step from column (x, y) to its neighbour along an axis; then `edge` is the
   /// height of the step's upper edge.
-  bool step(int x, int y, int to_x, int to_y, double& edge) const;
+  bool step(int x, int y, int to_x, int to_y, double& edge) const {
+    const Columns& c = *columns_;
+    const int high = c.index(x, y), low = c.index(to_x, to_y);
+    const double most = slope_ + tau_;
+    return (c.at(high) - c.at(low) > most || c.firm_at(high) - c.firm_at(low) > most) &&
+           steps_down(x, y, to_x, to_y, edge);
+  }
 
  private:
   enum State : std::uint8_t { kReached, kQueued, kTooHigh };
@@ -125,6 +131,7 @@ class FrontFinder {
   void over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens, const Anchor& from);
   void reach(int column, double distance, int anchor);
   void over_lips_of(int column, int anchor);
+  bool steps_down(int x, int y, int to_x, int to_y, double& edge) const;
   bool sees(int anchor, int x, int y, double level) const;
   bool passes(int x, int y, int to_x, int to_y, double surface) const;
   bool labelled(int column) const {

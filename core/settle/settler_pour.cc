@@ -169,14 +169,16 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
 void Settler::run_down(Vec2& at, int radius) {
   constexpr int kMaxWindows = static_cast<int>(4 * kMaxRunCells / kRunWindowCells);
   std::vector<Vec2> way = {at};
+  Vec2 ahead = Vec2::Zero();
   for (bool ends = false; !ends;) {
     const Vec2 from = way.back();
     Vec2 to = from;
     // Where it seems to end in the small window it may go on in the wide one: what is a little too
     // steep is so only over some columns.
     for (const int side : {kRunWindowCells, kRunEndCells}) {
+      const Vec2 centre = side == kRunWindowCells ? Vec2(from + side / 2 * ahead) : from;
       const Coord2 first =
-          floor_to(from.unaryExpr(&cell_of) - Coord2::Constant(side / 2), kChunkSide);
+          floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(side / 2), kChunkSide);
       look_at(first, Coord2::Constant(side + kChunkSide));
       const Vec2 corner = first.cast<double>() - Vec2(0.5, 0.5), in = from - corner;
       const Pourer::Foot foot = pourer_.foot(window_.columns, in, slope_);
@@ -186,6 +188,7 @@ void Settler::run_down(Vec2& at, int radius) {
     }
     if (to == from) break;
     way.push_back(to);
+    ahead = (to - from).normalized();  // it goes on so, mostly
     const bool far = (way.back() - at).norm() > kMaxRunCells || way.size() > kMaxWindows;
     if (ends || !far) continue;
     return lose_off_terrain(static_cast<double>(totals_.pending / units_.loose));

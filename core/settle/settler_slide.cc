@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "core/constants.h"
+#include "core/lattice/affine.h"
+#include "core/lattice/lanes.h"
 #include "core/settle/settler.h"
 #include "core/settle/whole_samples.h"
 
@@ -24,28 +26,34 @@ double minmod(double a, double b) {
 class Surroundings {
  public:
   Surroundings(GroundColumns& ground, const Coord2& tile, BlockedColumns& blocked, double slope)
-      : slope_(slope), has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
+      : slope_(static_cast<float>(slope)), has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
     if (!has_loose_) return;
     const Coord2 first = tile - Coord2::Constant(kFar);
-    ground.each({first, first + Coord2::Constant(kSide - 1)}, [&](const Coord2& cell,
-                                                                  const GroundColumn& column) {
-      const Coord2 in = cell - first;
-      columns_[in.x() * kSide + in.y()] = {column.top, column.bank, column.known && !blocked(cell)};
-    });
+    double zero = std::numeric_limits<double>::quiet_NaN();  // heights are floats above it
+    ground.each({first, first + Coord2::Constant(kSide - 1)},
+                [&](const Coord2& cell, const GroundColumn& column) {
+                  if (!column.known || blocked(cell)) return;
+                  if (std::isnan(zero)) zero = std::floor(column.bank);
+                  const Coord2 in = cell - first;
+                  const auto i = static_cast<std::size_t>(in.x() * kSide + in.y());
+                  top_[i] = static_cast<float>(column.top - zero);
+                  bank_[i] = static_cast<float>(column.bank - zero);
+                  open_[i] = 1;
+                });
   }
 
   /// Is loose soil surely steeper than repose allows? Between neighbours, what counts err by is a
   /// slope; over some columns it isn't.
-  bool is_steep() const {
+  SOILVDB_FOR_CPUS bool is_steep() const {
     if (!has_loose_) return false;
     for (int x = kFar; x < kSide - kFar; ++x) {
-      for (int y = kFar; y < kSide - kFar; ++y) {
-        const Column& c = at(x, y);
-        if (!c.open || c.top - c.bank < kFilmDepth) continue;
-        for (int far = 1; far <= kFar; ++far) {
-          const double most = far * slope_ + kSteepDrops[far - 1];
-          if (steepest2(x, y, far) > most * most) return true;
-        }
+      const int row = x * kSide + kFar;
+      const LaneMask loose = open(row) & (lanes(top_, row) - lanes(bank_, row) >= kFilmDepth);
+      if (bits(loose) == 0) continue;
+      for (int far = 1; far <= kFar; ++far) {
+        const float most =
+            static_cast<float>(far) * slope_ + static_cast<float>(kSteepDrops[far - 1]);
+        if (bits(loose & (steepest2(row, far) > most * most)) != 0) return true;
       }
     }
     return false;
@@ -53,47 +61,50 @@ class Surroundings {
 
  private:
   static constexpr int kFar = kSteepColumns, kSide = kChunkSide + 2 * kFar;
-  struct Column {
-    double top = 0, bank = 0;
-    bool open = false;
-  };
+  using Column = std::array<float, kSide * kSide>;
 
-  const Column& at(int x, int y) const { return columns_[x * kSide + y]; }
-  /// How far soil drops to another column. Over a brink, which it ends at, that is repose and as
-  /// much more as lies there too deep.
-  double drop(int x, int y, int dx, int dy) const {
-    const Column &from = at(x, y), &to = at(x + dx, y + dy);
-    if (!to.open || from.top <= to.top) return 0;
-    if (to.top >= from.bank) return from.top - to.top;
-    if (std::max(std::abs(dx), std::abs(dy)) > 1) return from.top - from.bank;
-    const auto bank_drop = [](const Column& a, const Column& b) {
-      return a.open && b.open ? a.bank - b.bank : 0;
-    };
-    const double held = held_at_brink(bank_drop(at(x - dx, y - dy), from), from.bank - to.bank,
-                                      bank_drop(to, at(x + 2 * dx, y + 2 * dy)), slope_);
-    return from.top - std::max(to.top, from.bank - slope_ + held);
+  SOILVDB_INLINE static Lanes lanes(const Column& column, int i) {
+    return lanes_at(&column[static_cast<std::size_t>(i)]);
   }
-  /// The square of the largest drop over so many columns: along an axis, or down a square, as the
+  SOILVDB_INLINE LaneMask open(int i) const { return lanes(open_, i) > 0; }
+  /// How far bank drops from columns to those at an offset.
+  SOILVDB_INLINE Lanes bank_drop(int from, int to) const {
+    return open(from) & open(to) ? lanes(bank_, from) - lanes(bank_, to) : Lanes{};
+  }
+  /// How far soil drops from eight columns to those at an offset. Over a brink, which it ends at,
+  /// that is repose and as much more as lies there too deep.
+  SOILVDB_INLINE Lanes drop(int from, int offset, int far) const {
+    const int to = from + offset;
+    const Lanes top = lanes(top_, from), bank = lanes(bank_, from), to_top = lanes(top_, to);
+    Lanes end = max(to_top, bank);
+    if (far == 1) {
+      const Lanes held = held_at_brink(bank_drop(from - offset, from), bank - lanes(bank_, to),
+                                       bank_drop(to, to + offset), slope_);
+      end = to_top >= bank ? to_top : max(to_top, bank - slope_ + held);
+    }
+    return open(from) & open(to) & (top > to_top) ? top - end : Lanes{};
+  }
+  /// The squares of the largest drops over so many columns: along an axis, or down a square, as the
   /// mean of its opposite sides. Of a cone, one side of a square alone is steeper than its slope.
-  double steepest2(int x, int y, int far) const {
-    double most = 0;
-    for (const int i : {-far, far}) {
-      const double along_x = drop(x, y, i, 0);
-      for (const int j : {-far, far}) {
-        const double along_y = drop(x, y, 0, j);
-        most = std::max({most, along_x * along_x, along_y * along_y});
-        if (!at(x + i, y + j).open) continue;
-        const double down_x = along_x + drop(x, y + j, i, 0);
-        const double down_y = along_y + drop(x + i, y, 0, j);
-        most = std::max(most, (down_x * down_x + down_y * down_y) / 4);
+  SOILVDB_INLINE Lanes steepest2(int row, int far) const {
+    Lanes most{};
+    for (const int x : {-far * kSide, far * kSide}) {
+      const Lanes along_x = drop(row, x, far);
+      for (const int y : {-far, far}) {
+        const Lanes along_y = drop(row, y, far);
+        const Lanes down_x = along_x + drop(row + y, x, far);
+        const Lanes down_y = along_y + drop(row + x, y, far);
+        const Lanes square = (down_x * down_x + down_y * down_y) / 4;
+        most = max(most, max(along_x * along_x, along_y * along_y));
+        most = max(most, open(row + x + y) ? square : Lanes{});
       }
     }
     return most;
   }
 
-  double slope_;
+  float slope_;
   bool has_loose_;
-  Column columns_[kSide * kSide];
+  Column top_{}, bank_{}, open_{};
 };
 
 /// Groups of tiles that are near each other.
