@@ -249,7 +249,7 @@ inline constexpr std::size_t kMaxBaseColumns = 8192;
 /// Largest number of tiles of columns that are kept for a machine, 4 kB each. With fewer, ground
 /// that it looks at is read again and again.
 inline constexpr std::size_t kMaxColumnTiles = 4096;
-/// Largest number of tiles of columns whose heights are kept for readers, 2.1 kB each. With
+/// Largest number of tiles of columns whose heights are kept for readers, 3.1 kB each. With
 /// fewer, large maps read their ground anew each time.
 inline constexpr std::size_t kMaxHeightTiles = 1 << 14;
 /// Columns of cells of which a map is made at a time, 8 bytes each. With fewer, columns at the

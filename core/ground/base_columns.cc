@@ -96,6 +96,20 @@ BaseColumn column_of(const Ground& ground, int cx, int cy) {
 
 }  // namespace
 
+const TerrainChunks::Chunk& TerrainChunks::read(const Ground& ground, const Coord3& origin) {
+  for (const Chunk& known : chunks_)
+    if (known.z == origin.z()) return known;
+  Chunk& made = chunks_.emplace_back();
+  made.z = origin.z();
+  ground.read_base(origin, made.words);
+  for (std::size_t n = 0; n < made.words.size(); ++n) {
+    const std::uint64_t word = made.words[n];
+    made.some[n >> 6] |= std::uint64_t{word != 0} << (n & 63);
+    made.full[n >> 6] |= std::uint64_t{word == kAllSoil} << (n & 63);
+  }
+  return made;
+}
+
 std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, int cy) {
   {
     const std::lock_guard lock(told_->mutex);
@@ -109,11 +123,11 @@ std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, in
 }
 
 const BaseColumn& BaseColumns::at(int cx, int cy) {
-  if (columns_.size() >= kMaxBaseColumns) columns_.clear();
   const std::uint64_t key = plan_key({cx, cy});
-  auto& column = columns_[key];
-  if (!column) column = ask(key, cx, cy);
-  return *column;
+  const auto known = columns_.find(key);
+  if (known != columns_.end()) return *known->second;
+  if (columns_.size() >= kMaxBaseColumns) columns_.clear();
+  return *columns_.emplace(key, ask(key, cx, cy)).first->second;
 }
 
 double BaseColumns::height(const Eigen::Vector2i& cell) {

@@ -3,12 +3,15 @@
 // What the initial terrain has over columns of chunks: asked for once, looked at many times.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <unordered_map>
+#include <vector>
 
+#include "core/constants.h"
 #include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
@@ -28,6 +31,40 @@ struct BaseColumn {
   std::array<double, kCells> heights;
 };
 
+/// Samples of the initial terrain in the chunks of one tile. It keeps its memory for the next.
+class TerrainChunks {
+ public:
+  /// Looked at as Samples are, but these allocate.
+  struct Chunk {
+    int z = 0;
+    std::array<std::uint64_t, kChunkSide> some{}, full{};  ///< bits of the cells of each 64
+    SampleWords words;
+
+    std::uint32_t any_of_row(int first) const { return row(some, first); }
+    std::uint32_t full_of_row(int first) const { return row(full, first); }
+    std::uint64_t word(int n) const { return words[static_cast<std::size_t>(n)]; }
+
+   private:
+    static std::uint32_t row(const std::array<std::uint64_t, kChunkSide>& bits, int first) {
+      return bits[static_cast<std::size_t>(first >> 6)] >> (first & 63) & 0xff;
+    }
+  };
+
+  /// For another tile. @param most its chunks; the memory for them is got now
+  void begin(int most) {
+    chunks_.clear();
+    chunks_.reserve(static_cast<std::size_t>(std::clamp(most, 0, kMostAtOnce)));
+  }
+  bool empty() const { return chunks_.empty(); }
+  /// Valid until the next call.
+  const Chunk& read(const Ground& ground, const Coord3& origin);
+
+ private:
+  static constexpr int kMostAtOnce = 256;  // 1 MB; of higher cliffs as they are read
+
+  std::vector<Chunk> chunks_;
+};
+
 /// Keeps what was asked for, up to kMaxBaseColumns. Not for several threads; but those of clones
 /// may be used at once, and tell each other.
 class BaseColumns {
@@ -41,8 +78,14 @@ class BaseColumns {
   const Ground& ground() const { return ground_; }
   /// @param cx, cy the chunks' lowest cell; valid until the next call
   const BaseColumn& at(int cx, int cy);
+  /// So many more will be kept together, up to kMaxBaseColumns.
+  void make_room(std::size_t more) {
+    if (columns_.size() + more > kMaxBaseColumns) columns_.clear();
+  }
   /// Mean height over a column of cells, index space; NaN where there is none.
   double height(const Eigen::Vector2i& cell);
+  /// For readers of one tile at a time.
+  TerrainChunks& chunks() { return chunks_; }
 
  private:
   using Columns = std::unordered_map<std::uint64_t, std::shared_ptr<const BaseColumn>>;
@@ -55,6 +98,7 @@ class BaseColumns {
 
   const Ground& ground_;
   Columns columns_;  // at hand without a lock
+  TerrainChunks chunks_;
   std::shared_ptr<Told> told_;
 };
 

@@ -2,13 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/change_follower.h"
 
+#include <span>
+
 #include "core/ground/ground_state.h"
 
 namespace soilvdb::inline v0 {
 /// Adds the chunks touched since the last call to the followers' lists. The caller holds the lock,
 /// or is alone.
 void Ground::tell_followers() {
-  const std::vector<Coord3> touched = state_->touched.take();
+  const std::span<const Coord3> touched = state_->touched.sorted();
   for (const Coord3& origin : touched)
     if (SampleLeaf* leaf = state_->find(origin)) leaf->chunk.touched = false;
   if (touched.empty()) return;
@@ -16,6 +18,7 @@ void Ground::tell_followers() {
   for (const auto& follower : state_->followers)
     if (const auto changed = follower.lock())
       for (const Coord3& origin : touched) changed->add(origin);
+  state_->touched.clear();
 }
 
 ChangeFollower::ChangeFollower(Ground& ground) : changed_(std::make_shared<ChunkList>()) {
@@ -41,13 +44,18 @@ void ChangeFollower::add_all(const Ground& ground) {
 }
 
 std::vector<Coord3> ChangeFollower::take() {
-  ChunkList changed;
+  std::vector<Coord3> changed;
+  take(changed);
+  return changed;
+}
+
+void ChangeFollower::take(std::vector<Coord3>& changed) {
   {
     const std::unique_lock lock(ground_->state_->mutex);
     ground_->tell_followers();
-    std::swap(changed, *changed_);
+    changed_->take(changed);
   }
-  return changed.take();
+  sort_once(changed);
 }
 
 void ChangeFollower::switch_to(Ground& other) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <map>
 #include <utility>
 
 #include "core/constants.h"
@@ -32,14 +31,21 @@ class TileReader {
         ground_(base.ground()),
         above_(ground_.above_base()),
         ceiling_(ceiling),
-        columns_(columns) {}
+        columns_(columns),
+        terrain_(base.chunks()) {}
 
   ColumnTile read() {
     if (!base_.some && !raised()) {
       tile_.read = ~std::uint64_t{0};
       return tile_;
     }
-    if (by_ != By::kHeights) last_ = last_chunk();
+    if (by_ == By::kHeights) {
+      read(columns_);
+      return tile_;
+    }
+    last_ = last_chunk();
+    // None above the highest is mixed, whatever the ceiling.
+    terrain_.begin((base_.highest - last_) / kChunkSide + 1);
     read(columns_);
     // The terrain's samples take longest to make.
     if (!terrain_.empty()) read(~columns_);
@@ -82,16 +88,16 @@ class TileReader {
     for (int z = top_chunk(); open_ != 0; z -= kChunkSide) {
       const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
       if (chunk == nullptr && by_ != By::kHeights && is_mixed(z)) {
-        through_samples(terrain_chunk(z), z);
+        through_samples(terrain_.read(ground_, {cx_, cy_, z}), nullptr, z);
       } else if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
         through_base(z);
       } else if (chunk == nullptr || chunk->soil_count == 0) {
         through_air(z);
       } else if (chunk->swap_record != 0) {
         const Chunk copy = ground_.copy(*chunk);
-        through_samples(copy, z);
+        through_samples(copy.samples, loose_of(copy), z);
       } else {
-        through_samples(*chunk, z);
+        through_samples(chunk->samples, loose_of(*chunk), z);
       }
     }
     if (by_ != By::kHeights) subtract_pores(all);
@@ -115,14 +121,8 @@ class TileReader {
   bool is_mixed(int z) const {
     return z >= last_ && ground_.classify({cx_, cy_, z}) == Content::kMixed;
   }
-  const Chunk& terrain_chunk(int z) {
-    const auto [made, is_new] = terrain_.try_emplace(z);
-    if (is_new) {
-      SampleWords words;
-      ground_.read_base({cx_, cy_, z}, words);
-      made->second.samples.assign(words);
-    }
-    return made->second;
+  static const Samples* loose_of(const Chunk& chunk) {
+    return chunk.loose_count > 0 ? &chunk.loose : nullptr;
   }
   /// Lowers columns by what is missing below their topmost full cell, as where a tool cut some
   /// samples from the side. Not over a cell without soil: what is above that is a roof.
@@ -144,21 +144,25 @@ class TileReader {
     for (int z = top_chunk(); z >= last; z -= kChunkSide) {
       const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
       if (chunk == nullptr && !is_mixed(z)) continue;
-      const bool is_swapped = chunk != nullptr && chunk->swap_record != 0;
-      const Chunk copy = is_swapped ? ground_.copy(*chunk) : Chunk();
-      const Samples& samples = is_swapped         ? copy.samples
-                               : chunk == nullptr ? terrain_chunk(z).samples
-                                                  : chunk->samples;
-      each_of(known & ~roofs, [&](int c) {
-        if (z < lasts[static_cast<std::size_t>(c)] ||
-            samples.full_of_row(c * kChunkSide) == (1u << kChunkSide) - 1)
-          return;
-        for (int k = std::min(kChunkSide - 1, column(c).bank_full - 1 - z); k >= 0; --k) {
-          const int some = std::popcount(samples.word(c * kChunkSide + k));
-          if (some == 0) roofs |= bit(c);
-          missing[static_cast<std::size_t>(c)] += 64 - some;
-        }
-      });
+      const auto count = [&](const auto& samples) {
+        each_of(known & ~roofs, [&](int c) {
+          if (z < lasts[static_cast<std::size_t>(c)] ||
+              samples.full_of_row(c * kChunkSide) == (1u << kChunkSide) - 1)
+            return;
+          for (int k = std::min(kChunkSide - 1, column(c).bank_full - 1 - z); k >= 0; --k) {
+            const int some = std::popcount(samples.word(c * kChunkSide + k));
+            if (some == 0) roofs |= bit(c);
+            missing[static_cast<std::size_t>(c)] += 64 - some;
+          }
+        });
+      };
+      if (chunk == nullptr) {
+        count(terrain_.read(ground_, {cx_, cy_, z}));
+      } else if (chunk->swap_record != 0) {
+        count(ground_.copy(*chunk).samples);
+      } else {
+        count(chunk->samples);
+      }
     }
     each_of(known & ~roofs, [&](int c) {
       const double pores = missing[static_cast<std::size_t>(c)] / 64.0;
@@ -230,25 +234,26 @@ class TileReader {
     });
   }
 
-  SOILVDB_FOR_CPUS void through_samples(const Chunk& chunk, int z) {
-    tile_.has_loose |= chunk.loose_count > 0;
+  /// @param loose null: none of it is
+  template <typename Soil>
+  SOILVDB_FOR_CPUS void through_samples(const Soil& soil, const Samples* loose, int z) {
+    tile_.has_loose |= loose != nullptr;
     any_piece_ = true;
     for (std::uint64_t left = open_; left != 0; left &= left - 1) {
       const int c = std::countr_zero(left);
       Walk& walk = walks_[c];
       const int row = c * kChunkSide;
-      const std::uint32_t some = chunk.samples.any_of_row(row);
-      const std::uint32_t full = chunk.samples.full_of_row(row);
-      const std::uint32_t loose = chunk.loose_count > 0 ? chunk.loose.any_of_row(row) : 0;
+      const std::uint32_t some = soil.any_of_row(row);
+      const std::uint32_t full = soil.full_of_row(row);
+      const std::uint32_t moved = loose != nullptr ? loose->any_of_row(row) : 0;
       for (int k = topmost(z); k >= 0 && (open_ & bit(c)) != 0;) {
         if ((some >> k & 1) == 0) {  // down to the next that has some
           gap(c, z + k);
           k = static_cast<int>(std::bit_width(some & ((1u << k) - 1))) - 1;
           continue;
         }
-        const int all = (full >> k & 1) != 0 ? 64 : std::popcount(chunk.samples.word(row + k));
-        const int bank =
-            (loose >> k & 1) != 0 ? all - std::popcount(chunk.loose.word(row + k)) : all;
+        const int all = (full >> k & 1) != 0 ? 64 : std::popcount(soil.word(row + k));
+        const int bank = (moved >> k & 1) != 0 ? all - std::popcount(loose->word(row + k)) : all;
         const double solid = z + k + 0.5;
         found(c, solid);
         if (bank == 64) {
@@ -276,8 +281,8 @@ class TileReader {
   const Eigen::AlignedBox3i above_;
   const int ceiling_;
   const std::uint64_t columns_;
-  int last_ = 0;                  // as last_chunk(), if samples are read
-  std::map<int, Chunk> terrain_;  // by z
+  TerrainChunks& terrain_;
+  int last_ = 0;  // as last_chunk(), if samples are read
   ColumnTile tile_;
   Walk walks_[kCells];
   std::uint64_t open_ = 0;  // columns whose bank isn't found

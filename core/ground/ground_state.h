@@ -19,6 +19,8 @@ namespace soilvdb::inline v0 {
 inline openvdb::Coord to_coord(const Coord3& c) { return {c.x(), c.y(), c.z()}; }
 
 struct Ground::State {
+  /// Chunks that are made room for at a time.
+  static constexpr std::size_t kLeastTouched = 16;
   // Last use of a chunk if memory is limited (Chunk::used).
   enum : std::uint8_t { kIdle, kUsed, kInUse };
 
@@ -60,8 +62,16 @@ struct Ground::State {
     ++chunks;
   }
   void touch(Chunk& chunk) {
-    if (!chunk.touched) touched.add(chunk.origin);
+    if (chunk.touched) return;
+    if (touched.size() == 0 || touched.size() == touched.capacity()) make_room();
+    touched.add(chunk.origin);
     chunk.touched = true;
+  }
+  /// Gets the memory that followers need to be told of more: they look when it must not be got.
+  void make_room() {
+    touched.reserve(kLeastTouched);
+    for (const auto& follower : followers)
+      if (const auto changed = follower.lock()) changed->reserve(touched.capacity());
   }
   void note_above(const Chunk& chunk) {
     if (!chunk.above) return;
@@ -89,8 +99,8 @@ struct Ground::State {
     const auto piece = [](std::size_t size) { return (size + kHeapWord + 15) / 16 * 16; };
     constexpr std::size_t kMapNode = 4 * sizeof(void*) + sizeof(openvdb::Coord) + 20;
     return chunks * piece(sizeof(SampleLeaf)) + lower_nodes * piece(sizeof(SampleLower)) +
-           upper_nodes * (piece(sizeof(SampleUpper)) + piece(kMapNode)) + touched.bytes() +
-           in_use.capacity() * sizeof(Coord3);
+           upper_nodes * (piece(sizeof(SampleUpper)) + piece(kMapNode)) +
+           (touched.size() + in_use.capacity()) * sizeof(Coord3);
   }
 };
 

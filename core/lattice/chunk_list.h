@@ -3,8 +3,9 @@
 // A list of chunks that changed.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
-#include <utility>
+#include <span>
 #include <vector>
 
 #include "core/constants.h"
@@ -13,7 +14,7 @@
 namespace soilvdb::inline v0 {
 
 /// Origins of chunks. A chunk may be added any number of times: the list holds at most twice the
-/// number of different chunks and kChunkListSlack more.
+/// number of different chunks and kChunkListSlack more. It keeps its memory.
 class ChunkList {
  public:
   void add(const Coord3& origin) {
@@ -22,13 +23,29 @@ class ChunkList {
     sort_once(origins_);
     different_ = origins_.size();
   }
-  /// Removes and returns all origins, sorted, without duplicates.
-  std::vector<Coord3> take() {
+  /// All origins, sorted, without duplicates; valid until the list changes.
+  std::span<const Coord3> sorted() {
     sort_once(origins_);
-    different_ = 0;
-    return std::exchange(origins_, {});
+    different_ = origins_.size();
+    return origins_;
   }
-  std::size_t bytes() const { return origins_.capacity() * sizeof(Coord3); }
+  void clear() {
+    origins_.clear();
+    different_ = 0;
+  }
+  /// Removes all origins. @param taken becomes them as they were added, some several times; the
+  /// list takes its memory in exchange
+  void take(std::vector<Coord3>& taken) {
+    taken.swap(origins_);
+    clear();
+  }
+  /// Gets memory, so that add() of so many more needs none.
+  void reserve(std::size_t more) {
+    const std::size_t all = origins_.size() + more;
+    if (all > origins_.capacity()) origins_.reserve(std::max(all, 2 * origins_.capacity()));
+  }
+  std::size_t size() const { return origins_.size(); }
+  std::size_t capacity() const { return origins_.capacity(); }
 
  private:
   std::vector<Coord3> origins_;

@@ -33,7 +33,47 @@ void require(bool holds, const char* why) {
   if (!holds) throw std::invalid_argument(why);
 }
 
+/// The highest cell below a ceiling.
+int cell_below(const std::optional<double>& ceiling_m, const Ground& ground) {
+  if (!ceiling_m) return kNoCeiling;
+  require(std::isfinite(*ceiling_m), "a ceiling must be a number");
+  const double z = (*ceiling_m - ground.origin().z()) / ground.voxel_size_m();
+  return static_cast<int>(std::floor(std::clamp(z, -kMaxIndex, kMaxIndex) + 0.5 + kSameCell)) - 1;
+}
+
+/// Columns of a rectangle that is turned any way, and of their margins.
+double columns_of(double width, double height) {
+  const double side = std::hypot(width, height) + 4;
+  return side * side;
+}
+
 }  // namespace
+
+void LookResult::check() const {
+  if (fault == Fault::kBadRequest) throw std::invalid_argument(why);
+  if (fault == Fault::kFailed) throw std::runtime_error(why);
+}
+
+/// That of the exception that is being handled.
+LookResult LookResult::of_exception() noexcept {
+  const auto because = [](Fault fault, const char* why) {
+    LookResult result{fault, {}};
+    try {
+      result.why = why;
+    } catch (const std::bad_alloc&) {  // there is no memory for the reason
+    }
+    return result;
+  };
+  try {
+    throw;
+  } catch (const std::invalid_argument& e) {
+    return because(Fault::kBadRequest, e.what());
+  } catch (const std::bad_alloc&) {
+    return because(Fault::kFailed, "out of memory");
+  } catch (const std::exception& e) {
+    return because(Fault::kFailed, e.what());
+  }
+}
 
 MapGrid MapGrid::around(const Vec2& middle_m, double cell_m, int nx, int ny, const Pose* turn) {
   MapGrid grid{{0, 0}, cell_m, nx, ny, {1, 0}};
@@ -58,10 +98,42 @@ HeightMap::HeightMap(HeightMap&&) noexcept = default;
 HeightMap& HeightMap::operator=(HeightMap&&) noexcept = default;
 HeightMap::~HeightMap() = default;
 
-void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
-  require(heights_m.size() >= xy_m.size(), "there must be room for as many heights as places");
+LookResult HeightMap::prepare(const Eigen::AlignedBox2d& area_m) noexcept {
+  return LookResult::of([&] {
+    const Ground& ground = reader_->ground();
+    const auto column = [&](const Vec2& xy) -> Coord2 {
+      const Vec2 at = (xy - ground.origin().head<2>()) / ground.voxel_size_m();
+      require(at.cwiseAbs().maxCoeff() < kMaxIndex,
+              "an area must be within 2^23 voxels of the site's origin");
+      return (at + Vec2(0.5, 0.5)).array().floor().matrix().cast<int>();
+    };
+    require(!area_m.isEmpty(), "an area must have its corners in order");
+    reader_->refresh();
+    reader_->prepare(column(area_m.min()), column(area_m.max()));
+  });
+}
+
+LookResult HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m,
+                         std::optional<double> ceiling_m) noexcept {
+  const std::span<double> out = heights_m.first(std::min(xy_m.size(), heights_m.size()));
+  const auto look = [&] {
+    require(heights_m.size() >= xy_m.size(), "there must be room for as many heights as places");
+    fill_at(xy_m, out, ceiling_m);
+  };
+  return LookResult::of(look, out);
+}
+
+LookResult HeightMap::cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
+                           std::span<double> ranges_m) noexcept {
+  return LookResult::of([&] { fill_ranges(origins_m, directions, ranges_m); }, ranges_m);
+}
+
+void HeightMap::fill_at(std::span<const Vec2> xy_m, std::span<double> heights_m,
+                        std::optional<double> ceiling_m) {
   HeightReader& reader = *reader_;
   const Ground& ground = reader.ground();
+  const int ceiling = cell_below(ceiling_m, ground);
+  const double top_m = ground.origin().z() + ground.voxel_size_m() * (ceiling + 0.5);
   reader.refresh();
   const auto index = [&](const Vec2& xy) {
     return Vec2((xy - ground.origin().head<2>()) / ground.voxel_size_m());
@@ -76,8 +148,12 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
     double counted = changed ? reader.columns.between(at) : HeightReader::kNoGround;
     // What nobody touched is as high as the terrain, which counts only come near.
     if (std::isnan(counted)) {
-      if (const auto z = ground.terrain().height(xy.x(), xy.y())) return *z;
-      if (is_near(at)) counted = reader.columns.between(at);
+      const auto z = ground.terrain().height(xy.x(), xy.y());
+      if (z && *z <= top_m) return *z;
+      if (is_near(at))
+        counted = reader.columns.between(at);
+      else if (z)
+        return top_m;
     }
     return ground.origin().z() + ground.voxel_size_m() * counted;
   };
@@ -85,18 +161,18 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
     const Coord2 first = low.array().floor().matrix().cast<int>();
     const Coord2 last = high.array().floor().matrix().cast<int>();
     const Coord2 size = last - first + Coord2::Constant(2);
-    reader.read(first, size, static_cast<std::size_t>(MapLayer::kHeight), kNoCeiling,
-                reader.columns);
-    reader.read(first, size, HeightReader::kTouched, kNoCeiling, reader.changed);
+    reader.read(first, size, static_cast<std::size_t>(MapLayer::kHeight), ceiling, reader.columns);
+    reader.read(first, size, HeightReader::kTouched, ceiling, reader.changed);
   };
   Eigen::AlignedBox2d box;
   for (const Vec2& xy : xy_m)
     if (const Vec2 at = index(xy); is_near(at)) box.extend(at);
   // All at once, unless most of what is between them were read in vain.
-  const bool at_once =
-      !box.isEmpty() &&
-      (box.sizes() + Vec2(2, 2)).prod() <
-          std::min<double>(kMapPartColumns, kMapPointColumns * static_cast<double>(xy_m.size()));
+  const double most_columns =
+      std::min<double>(kMapPartColumns, kMapPointColumns * static_cast<double>(xy_m.size()));
+  for (HeightReader::Columns* columns : {&reader.columns, &reader.changed})
+    columns->values.reserve(static_cast<std::size_t>(most_columns));
+  const bool at_once = !box.isEmpty() && (box.sizes() + Vec2(3, 3)).prod() < most_columns;
   if (at_once) {
     read(box.min(), box.max());
     const auto look_from = [&](std::size_t begin) {
@@ -172,6 +248,8 @@ void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const
   require((box.sizes() + Vec2(2, 2)).prod() < kMostLineColumns,
           "the lines span too many columns; take larger voxels or fewer lines");
   reader.refresh();
+  const double long_way = along.norm() * count, wide_way = across.norm() * lines;
+  reader.columns.values.reserve(static_cast<std::size_t>(columns_of(long_way, wide_way)));
   const Coord2 low = box.min().array().floor().matrix().cast<int>();
   const Coord2 size = box.max().array().floor().matrix().cast<int>() - low + Coord2::Constant(2);
   reader.read(low, size, HeightReader::kSurface, kNoCeiling, reader.columns);
@@ -214,16 +292,11 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
       require(((grid.middle_m(i, j) - ground.origin().head<2>()) / h).cwiseAbs().maxCoeff() <
                   kMaxIndex - side,
               "a map must be within 2^23 voxels of the site's origin");
-  require(!ceiling_m || std::isfinite(*ceiling_m), "a map's ceiling must be a number");
   const bool to_design = layer == MapLayer::kDesign;
   require(to_design == (design != nullptr), to_design
                                                 ? "a map of heights above a design needs the design"
                                                 : "a design is for a map of heights above it");
-  int ceiling = kNoCeiling;
-  if (ceiling_m) {
-    const double z = std::clamp((*ceiling_m - ground.origin().z()) / h, -kMaxIndex, kMaxIndex);
-    ceiling = static_cast<int>(std::floor(z + 0.5 + kSameCell)) - 1;
-  }
+  const int ceiling = cell_below(ceiling_m, ground);
   reader.refresh();
   const double zero = layer == MapLayer::kHeight ? ground.origin().z() : 0;
   const auto metres = [&](double cells) { return static_cast<T>(zero + h * cells); };
@@ -238,6 +311,10 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   // So many cells at a time that their columns are few enough.
   const int most = std::max(1, static_cast<int>(std::sqrt(kMapPartColumns) / (1.5 * side + 1)));
   std::vector<Overlap>&of_rows = reader.of_rows, &of_columns = reader.of_columns;
+  of_rows.reserve(static_cast<std::size_t>(std::min(most, grid.ny)));
+  of_columns.reserve(static_cast<std::size_t>(std::min(most, grid.nx)));
+  reader.columns.values.reserve(static_cast<std::size_t>(
+      columns_of(side * std::min(most, grid.nx), side * std::min(most, grid.ny))));
   for (int i0 = 0; i0 < grid.ny; i0 += most) {
     for (int j0 = 0; j0 < grid.nx; j0 += most) {
       const int i1 = std::min(i0 + most, grid.ny), j1 = std::min(j0 + most, grid.nx);
@@ -314,13 +391,13 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   }
 }
 
-void HeightMap::map(const MapGrid& grid, MapLayer layer, std::span<double> out,
-                    std::optional<double> ceiling_m, const InitialTerrain* design) {
-  fill(grid, layer, out, ceiling_m, design);
+LookResult HeightMap::map(const MapGrid& grid, MapLayer layer, std::span<double> out,
+                          std::optional<double> ceiling_m, const InitialTerrain* design) noexcept {
+  return LookResult::of([&] { fill(grid, layer, out, ceiling_m, design); }, out);
 }
-void HeightMap::map(const MapGrid& grid, MapLayer layer, std::span<float> out,
-                    std::optional<double> ceiling_m, const InitialTerrain* design) {
-  fill(grid, layer, out, ceiling_m, design);
+LookResult HeightMap::map(const MapGrid& grid, MapLayer layer, std::span<float> out,
+                          std::optional<double> ceiling_m, const InitialTerrain* design) noexcept {
+  return LookResult::of([&] { fill(grid, layer, out, ceiling_m, design); }, out);
 }
 
 }  // namespace soilvdb::inline v0

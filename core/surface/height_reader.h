@@ -10,6 +10,8 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <stdexcept>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -35,7 +37,8 @@ class HeightReader {
     std::uint64_t known = 0;    ///< bits of the columns that are as the ground is
     std::uint64_t surface = 0;  ///< those of them whose kSurface is known
     std::array<std::array<double, BaseColumn::kCells>, kSurface + 1> layers;
-    std::unique_ptr<std::array<double, BaseColumn::kCells>> before;  // heights, once it is touched
+    bool touched = false;
+    std::array<double, BaseColumn::kCells> before;  // heights, once it is touched
   };
 
   /// A layer over a rectangle of columns: column (x, y) from the first is entry x * ny + y.
@@ -112,7 +115,8 @@ class HeightReader {
   const Ground& ground() const { return base_.ground(); }
   /// To be called before columns are read.
   void refresh() {
-    for (const Coord3& origin : changes_.take()) {
+    changes_.take(changed_chunks_);
+    for (const Coord3& origin : changed_chunks_) {
       const auto known = tiles_.find(plan_key(origin.head<2>()));
       if (known != tiles_.end()) known->second.known = 0;
       if (pages_) pages_->change(origin.head<2>());
@@ -125,6 +129,20 @@ class HeightReader {
       for (const Coord3& origin : ground().origins()) pages_->change(origin.head<2>());
     }
     return *pages_;
+  }
+  /// Reads all tiles of a rectangle of columns.
+  void prepare(const Coord2& low, const Coord2& high) {
+    const Coord2 first = floor_to(low, kChunkSide), last = floor_to(high, kChunkSide);
+    const auto tiles = ((last - first) / kChunkSide + Coord2::Ones()).cast<double>().prod();
+    if (tiles > static_cast<double>(kMaxBaseColumns))
+      throw std::invalid_argument("an area must have at most " + std::to_string(kMaxBaseColumns) +
+                                  " times 8 x 8 voxels");
+    base_.make_room(static_cast<std::size_t>(tiles));
+    if (tiles_.size() + static_cast<std::size_t>(tiles) > kMaxHeightTiles) tiles_.clear();
+    constexpr std::uint64_t kAll = ~std::uint64_t{0};
+    for (int cx = first.x(); cx <= last.x(); cx += kChunkSide)
+      for (int cy = first.y(); cy <= last.y(); cy += kChunkSide)
+        find_surface(kept({cx, cy}, kAll), {cx, cy}, kAll);
   }
   /// @param layer of Tile @param ceiling highest cell that is looked at
   void read(const Coord2& first, const Coord2& size, std::size_t layer, int ceiling, Columns& out) {
@@ -180,20 +198,18 @@ class HeightReader {
   }
   void read(Tile& tile, const Coord2& cell, int ceiling, std::uint64_t wanted) {
     const int cx = cell.x(), cy = cell.y();
-    const bool touched = tile.before || is_touched(base_, cx, cy);
-    if (touched && !tile.before) {
+    if (!tile.touched && is_touched(base_, cx, cy)) {
       // Counted alike, so that what nobody touched is as it was.
       const ColumnTile initial = read_tile_exactly(base_, cx, cy, ceiling, true);
-      tile.before = std::make_unique<std::array<double, BaseColumn::kCells>>();
-      for (std::size_t i = 0; i < BaseColumn::kCells; ++i)
-        (*tile.before)[i] = initial.columns[i].top;
+      for (std::size_t i = 0; i < BaseColumn::kCells; ++i) tile.before[i] = initial.columns[i].top;
+      tile.touched = true;
     }
-    const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !touched, wanted);
+    const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !tile.touched, wanted);
     const std::uint64_t fresh = now.read & ~tile.known;
     for (std::uint64_t left = fresh; left != 0; left &= left - 1) {
       const auto i = static_cast<std::size_t>(std::countr_zero(left));
       const GroundColumn& c = now.columns[i];
-      const double before = touched ? (*tile.before)[i] : c.top;
+      const double before = tile.touched ? tile.before[i] : c.top;
       const double values[] = {c.top, c.top - c.bank, before - c.top,
                                c.top != before || c.bank != c.top ? 1.0 : 0.0};
       for (std::size_t n = 0; n < kSurface; ++n)
@@ -220,6 +236,7 @@ class HeightReader {
 
   BaseColumns base_;
   ChangeFollower changes_;
+  std::vector<Coord3> changed_chunks_;  // scratch
   std::unordered_map<std::uint64_t, Tile, PlanHash> tiles_;
   std::unique_ptr<RayPages> pages_;  // null until rays were cast
 

@@ -381,8 +381,8 @@ bool make_unit(const Vec3& direction, Vec3& unit) {
 
 }  // namespace
 
-void HeightMap::cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
-                     std::span<double> ranges_m) {
+void HeightMap::fill_ranges(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
+                            std::span<double> ranges_m) {
   const std::size_t count = directions.size();
   if (origins_m.size() != count && origins_m.size() != 1)
     throw std::invalid_argument("there must be an origin for each ray, or one for all");

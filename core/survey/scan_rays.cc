@@ -262,7 +262,7 @@ void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec
   std::vector<Vec3> ways;
   for (const Vec3& end : ends) ways.push_back(end - sensor.pose.position);
   std::vector<double> ranges(ways.size());
-  map.cast(std::span(&sensor.pose.position, 1), ways, ranges);
+  map.cast(std::span(&sensor.pose.position, 1), ways, ranges).check();
   is_solved = is_solved && ends.empty();
   Rays all(*this, sensor, number);
   for (std::size_t i = 0; i < ends.size(); ++i) all.take(ends[i], ranges[i]);

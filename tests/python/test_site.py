@@ -435,7 +435,8 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: s.update(0, (0, 0, 0)), "update() takes 'position' by name"),
     (lambda s: s.update(1.5, position=(0, 0, 0)), "machine must be int or str, not float"),
     (lambda s: s.update(0, position=(0, 0, 0), time="a"), "time must be float or None, not str"),
-    (lambda s: s.heights(), "heights() misses 'xy'; it takes (xy, sigma)"),
+    (lambda s: s.heights(), "heights() misses 'xy'; it takes (xy, sigma, ceiling)"),
+    (lambda s: s.heights([(0, 0)], ceiling="a"), "ceiling must be float or None, not str"),
     (lambda s: s.height_map(shape=(2, 2), cell=0.1), "give one of machine, pose or origin"),
     (lambda s: s.height_map(origin=(0, 0), machine=0, shape=(2, 2), cell=0.1),
      "give one of machine, pose or origin"),
@@ -496,9 +497,7 @@ def test_wrong_calls_are_told_in_one_line(call, message):
      "pose has the shape (2, 4, 4); it must be (4, 4) or (1, 4, 4)"),
     (lambda s: s.height_map(pose=np.zeros((1, 4, 4)), shape=(2, 2), cell=0.1),
      "pose has the shape (1, 4, 4); it must be (N, 4)"),
-    (lambda s: s.height_map(origin=(5e5, 5.4e6), shape=(2, 2), cell=0.1),
-     "a map must be within 838861 m of the site's origin, which is at (0, 0); Site(near=(x, y, z)) "
-     "says where work begins, by default a plane's first state does"),
+    (lambda s: s.heights([(0, 0)], ceiling=np.nan), "a ceiling must be a number"),
     (lambda s: soilvdb.height_maps([s, s], machine=0, shape=(2, 2), cell=0.1),
      "a site is there twice"),
 ])
@@ -652,18 +651,30 @@ def test_a_ceiling_is_to_the_voxel():
         assert site.height_map(**at, ceiling=ceiling)[0, 0] == floor
     assert site.height_map(**at, ceiling=-3.0)[0, 0] == pytest.approx(-3.0, abs=0.1)
     assert site.height_map(**at, ceiling=-1.0)[0, 0] == pytest.approx(-1.0, abs=0.1), "in the roof"
+    xy = [(0, 0), (0.03, 0.04), (0, 3)]
+    assert site.heights(xy).tolist() == [0, 0, 0]
+    below = site.heights(xy, ceiling=-1.9)
+    assert below[0] == pytest.approx(floor, abs=1e-9) and below[1] == pytest.approx(floor, abs=0.05)
+    assert below[2] == pytest.approx(-1.9, abs=0.1), "beside the tunnel"
+    heights, sigmas = site.heights(xy, sigma=True, ceiling=-1.9)
+    assert (heights == below).all() and sigmas.shape == (3,)
 
 
 def test_a_plane_in_utm_is_looked_at_where_work_will_begin():
-    site = soilvdb.Site(0.05, soilvdb.plane(300.0), [bucket()])
     at = {"origin": (5e5, 5.4e6), "shape": (2, 3), "cell": 0.1}
-    assert site.heights([at["origin"]]) == 300
-    with pytest.raises(ValueError, match=r"Site\(near=\(x, y, z\)\)"):
-        site.height_map(**at)
-    near = soilvdb.Site(0.05, soilvdb.plane(300.0), [bucket()], near=(5e5, 5.4e6, 300.0))
-    assert (near.height_map(**at) == 300).all()
-    site.update(0, position=(5e5, 5.4e6, 301.0))
-    assert (site.height_map(**at) == 300).all()
+    pose = np.eye(4)
+    pose[:2, 3] = at["origin"]
+    for look in (at, {"pose": pose, "shape": (2, 3), "cell": 0.1}):
+        site = soilvdb.Site(0.05, soilvdb.plane(300.0), [bucket()])
+        assert site.heights([at["origin"]]) == 300
+        assert (site.height_map(**look) == 300).all()
+        env = soilvdb.VectorSite(site, 2)
+        assert (env.height_map(**look) == 300).all()
+        for x in (5e5 - 2, 5e5 + 2):
+            site.update(0, position=(x, 5.4e6, 299.9))
+        assert site.height_map(**look) == pytest.approx(299.8, abs=0.01), "its body is 0.1 m lower than its lip"
+        with pytest.raises(ValueError, match=r"which is at \(\d+, \d+\); `near` says where work begins"):
+            site.height_map(origin=(0, 0), shape=(2, 3), cell=0.1)
 
 
 def test_maps_above_a_design_are_what_is_to_be_done(soil):

@@ -76,7 +76,7 @@ void meddle(Session& session, Chance& chance, std::vector<Session>& kept, double
       {.machine = 0, .time_s = time_s, .pose = {{kNaN, 0, 0}, {1, 0, 0, 0}}}};
   switch (chance.below(8)) {
     case 0:
-      session.heights(xy, heights);
+      session.heights(xy, heights).check();
       break;
     case 1:
       session.changed_patches();
@@ -170,7 +170,7 @@ TEST(SessionsThatCantBe, SitesOfNothingAndOfNonsense) {
   EXPECT_TRUE(empty.pour(60).ok());
   EXPECT_GT(empty.change_m3(), 2.9);
   double heights[2];
-  empty.heights(std::vector<Vec2>{{0, -3e12}, {0, 5e9}}, heights);
+  empty.heights(std::vector<Vec2>{{0, -3e12}, {0, 5e9}}, heights).check();
   for (const double height : heights) EXPECT_DOUBLE_EQ(height, 0.2) << "where nobody dug";
   const auto refusal = [](const auto& change) {
     SessionSite bad = site_of(true);
@@ -232,7 +232,7 @@ TEST_P(SessionAttack, WildStatesAreRefusedOrCanBeGoneOnFrom) {
     victim.restore(now);
     ASSERT_EQ(victim.save(), now) << at;
     std::vector<double> heights(1);
-    victim.heights(std::vector<Vec2>{{0, 0}}, heights);
+    victim.heights(std::vector<Vec2>{{0, 0}}, heights).check();
     if (!goes_on) return;
     for (const std::size_t machine : {0, 1}) {
       const StepResult step =

@@ -59,7 +59,7 @@ TEST_P(Placed, BucketsDigNothingAndGoOnFromThere) {
   ASSERT_TRUE(session.update(at({302, 5, 15.0})).ok());
   EXPECT_GT(session.ledger(0).cut_m3(), before.cut_m3() + 0.3);
   double heights[3];
-  session.heights(std::vector<Vec2>{{150, 2.5}, {299, 5}, {1, 5}}, heights);
+  session.heights(std::vector<Vec2>{{150, 2.5}, {299, 5}, {1, 5}}, heights).check();
   EXPECT_DOUBLE_EQ(heights[0], 0.2 + 0.05 * 150);
   EXPECT_DOUBLE_EQ(heights[1], 0.2 + 0.05 * 299);
   EXPECT_DOUBLE_EQ(heights[2], 0.2 + 0.05 * 1);

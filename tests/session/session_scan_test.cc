@@ -28,7 +28,7 @@ std::vector<Vec3> seen(Session& session, double deeper, std::uint64_t seed,
   for (int i = 0; i < 90; ++i)
     for (int j = 0; j < 60; ++j) ways.emplace_back(0.012 * (i - 45), 0.012 * (j - 30), -1);
   std::vector<double> ranges(ways.size());
-  session.cast(std::span(&sensor.pose.position, 1), ways, ranges);
+  session.cast(std::span(&sensor.pose.position, 1), ways, ranges).check();
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < ways.size(); ++i)
     if (std::isfinite(ranges[i]))

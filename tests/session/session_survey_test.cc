@@ -170,7 +170,7 @@ TEST(SessionSurveysOnEndlessPlanes, AreWhereTheyAre) {
   EXPECT_LT((session.origin() - far).norm(), 1e5);
   double z = 0;
   const Vec2 at = far.head<2>() + Vec2(0.3, 0.3);
-  session.heights({&at, 1}, {&z, 1});
+  session.heights({&at, 1}, {&z, 1}).check();
   EXPECT_NEAR(z, session.origin().z() + 0.1, 1e-9);
 }
 

@@ -261,12 +261,12 @@ TEST_P(Sessions, TellHeightsOfTheGroundAsItIsNow) {
   double deepest = 0;
   for (int i = 0; i < 4; ++i) {
     feed(session, part(states(), i / 4.0, (i + 1) / 4.0));
-    session.heights(xy, now);  // keeps what didn't change
+    session.heights(xy, now).check();  // keeps what didn't change
     const Session copy = session.clone();
     const test::TempFolder folder;
     session.write(folder / "now.vdb");
     Session fresh({.voxel_size_m = 0.1, .terrain = io::LevelSetTerrain{folder / "now.vdb"}});
-    fresh.heights(xy, again);
+    fresh.heights(xy, again).check();
     EXPECT_EQ(now, again);
     for (std::size_t k = 0; k < xy.size(); ++k)
       deepest = std::min(deepest, now[k] - (0.2 + 0.05 * xy[k].x()));
@@ -338,7 +338,7 @@ TEST_P(Sessions, PatchesTellWhatWentOverSeveralStatesAndClones) {
     return all;
   };
   std::vector<double> none(1);
-  session.heights(std::vector<Vec2>{{0, 0}}, none);  // who looks at something else
+  session.heights(std::vector<Vec2>{{0, 0}}, none).check();  // who looks at something else
   Session clone = session.clone();
   const std::vector<Coord3> dug = blocks(session);
   EXPECT_FALSE(dug.empty());

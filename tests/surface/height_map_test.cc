@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -18,9 +19,11 @@
 #include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "core/surface/height_reader.h"
+#include "soilvdb/ground_grids.h"
 #include "tests/support/allocations.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
+#include "tests/support/spheres.h"
 
 namespace soilvdb::test {
 namespace height_map_test {
@@ -28,7 +31,7 @@ namespace height_map_test {
 std::vector<double> map_of(HeightMap& heights, const MapGrid& grid, MapLayer layer,
                            std::optional<double> ceiling_m = {}) {
   std::vector<double> out(static_cast<std::size_t>(grid.nx * grid.ny), -1);
-  heights.map(grid, layer, std::span<double>(out), ceiling_m);
+  heights.map(grid, layer, std::span<double>(out), ceiling_m).check();
   return out;
 }
 
@@ -101,8 +104,8 @@ TEST(HeightMap, KeepsNothingThatIsNoLongerSo) {
       for (const MapLayer layer : {MapLayer::kHeight, MapLayer::kLoose, MapLayer::kDug})
         ASSERT_EQ(map_of(kept, grid, layer), map_of(fresh, grid, layer));
       std::vector<double> a(places.size()), b(places.size());
-      kept.at(places, a);
-      fresh.at(places, b);
+      kept.at(places, a).check();
+      fresh.at(places, b).check();
       ASSERT_EQ(a, b);
     }
   }
@@ -135,12 +138,12 @@ TEST(HeightMap, OnePlaceIsAsAmongMany) {
     far = near;
     far.emplace_back(4000, -3000);  // too far apart to be read at once
     std::vector<double> a(near.size()), b(far.size());
-    HeightMap(ground).at(near, a);
-    HeightMap(ground).at(far, b);
+    HeightMap(ground).at(near, a).check();
+    HeightMap(ground).at(far, b).check();
     EXPECT_LT(*std::min_element(a.begin(), a.end()), -deep / 2);
     for (std::size_t i = 0; i < near.size(); ++i) {
       double alone;
-      HeightMap(ground).at({&near[i], 1}, {&alone, 1});
+      HeightMap(ground).at({&near[i], 1}, {&alone, 1}).check();
       ASSERT_EQ(alone, a[i]);
       ASSERT_EQ(alone, b[i]);
     }
@@ -164,7 +167,7 @@ TEST(HeightMap, LinesEndWithTheTerrain) {
     for (int k = 0; k < 2; ++k) {
       for (int i = 0; i < 200; ++i) {
         const Vec2 at = first + i * along + k * across;
-        heights.at({&at, 1}, alone);
+        heights.at({&at, 1}, alone).check();
         const double z = lines[static_cast<std::size_t>(200 * k + i)];
         const bool inside = (at - posts.first).minCoeff() > 0.15 && (at.array() < 1.85).all();
         // Near the end fewer columns tell the height.
@@ -199,7 +202,7 @@ TEST(HeightMap, UntouchedGroundIsTheTerrainAndCutsAreWhereTheyWereMade) {
     for (int i = 0; i < 400; ++i) {
       const Vec2 at(origin.x() + place(random), origin.y() + 0.5 * place(random));
       double z;
-      heights.at({&at, 1}, {&z, 1});
+      heights.at({&at, 1}, {&z, 1}).check();
       all.push_back(std::abs(z - wanted(at)));
     }
     std::sort(all.begin(), all.end());
@@ -289,7 +292,7 @@ TEST(HeightMap, EndsWithTheTerrain) {
   const std::vector<Vec2> places = {
       {0, 0}, {3, 0}, {1e12, 0}, {std::numeric_limits<double>::quiet_NaN(), 0}};
   std::vector<double> z(places.size());
-  heights.at(places, z);
+  heights.at(places, z).check();
   EXPECT_NEAR(z[0], 0.5, 1e-9);
   for (const std::size_t i : {1, 2, 3}) EXPECT_TRUE(std::isnan(z[i])) << i;
 }
@@ -307,13 +310,13 @@ TEST(HeightMap, EndsAboveASmallHoleAndABottomlessSite) {
   HeightMap heights(ground);
   GroundWriter(ground).remove({0, 0, 0}, SampleWords{1});
   std::vector<double> out(64);
-  heights.map(MapGrid{{0, 0}, 0.1, 8, 8}, MapLayer::kDug, std::span<double>(out));
+  heights.map(MapGrid{{0, 0}, 0.1, 8, 8}, MapLayer::kDug, std::span<double>(out)).check();
   const Vec2 nowhere(std::numeric_limits<double>::quiet_NaN(), 0);
-  heights.at({&nowhere, 1}, out);
+  heights.at({&nowhere, 1}, out).check();
   EXPECT_TRUE(std::isnan(out[0]));
   Ground high(0.05, Vec3(0, 0, 1e9), make_plane(0, {0.1, 0}));
   const Vec2 place(3, 0);
-  HeightMap(high).at({&place, 1}, out);
+  HeightMap(high).at({&place, 1}, out).check();
   EXPECT_NEAR(out[0], 0.3, 1e-9);
 }
 
@@ -365,7 +368,7 @@ TEST(HeightMap, TheFootOfAHighWallIsSeen) {
   EXPECT_EQ(std::count_if(dug.begin(), dug.end(), [](double d) { return d != 0; }), 24);
   const Vec2 in_it(0.05, 0.2);
   double z;
-  heights.at({&in_it, 1}, {&z, 1});
+  heights.at({&in_it, 1}, {&z, 1}).check();
   EXPECT_LT(z, -0.3);
 }
 
@@ -417,35 +420,78 @@ TEST(HeightMap, FloatsAreTheDoublesRounded) {
   HeightMap heights(ground);
   const MapGrid grid{{0.03, 0.04}, 0.17, 40, 30};
   std::vector<float> small(40 * 30);
-  heights.map(grid, MapLayer::kHeight, std::span<float>(small));
+  heights.map(grid, MapLayer::kHeight, std::span<float>(small)).check();
   const std::vector<double> exact = map_of(heights, grid, MapLayer::kHeight);
   for (std::size_t i = 0; i < small.size(); ++i) ASSERT_EQ(small[i], static_cast<float>(exact[i]));
+}
+
+/// Anything that a controller looks at, around a place.
+void look_around(HeightMap& heights, const Pose& at, std::mt19937_64& random,
+                 std::span<double> out) {
+  std::uniform_real_distribution<double> any(-2, 2);
+  std::array<Vec2, 200> places;
+  for (Vec2& place : places) place = at.position.head<2>() + Vec2(any(random), any(random));
+  heights.at({places.data(), 1}, out).check();
+  heights.at(places, out).check();
+  heights.at(places, out, at.position.z()).check();
+  for (const double cell_m : {0.1, 0.13})
+    for (const MapLayer layer : {MapLayer::kHeight, MapLayer::kLoose, MapLayer::kDug})
+      for (const Pose* turn : {static_cast<const Pose*>(nullptr), &at}) {
+        const MapGrid grid = MapGrid::around(at.position.head<2>(), cell_m, 32, 32, turn);
+        heights.map(grid, layer, out).check();
+      }
+  heights
+      .map(MapGrid::around(at.position.head<2>(), 0.1, 32, 32, &at), MapLayer::kHeight, out,
+           at.position.z())
+      .check();
+  const double yaw = any(random);
+  const Vec2 along(0.1 * std::cos(yaw), 0.1 * std::sin(yaw)), across(-along.y(), along.x());
+  heights.lines(at.position.head<2>() - 10 * along, along, 20, across, 20, out);
+}
+
+/// Whatever digs, tips and slides, for machines that were anywhere in a prepared area.
+TEST(HeightMap, LooksAfterUpdatesAllocateNothing) {
+#ifndef SOILVDB_COUNTS_ALLOCATIONS
+  GTEST_SKIP() << "allocations are not counted";
+#endif
+  std::vector<std::shared_ptr<const InitialTerrain>> all = terrains();
+  all.push_back(make_level_set_surface(level_set_sphere(20.0f, {0, 0, -19.8f}, 0.25f), {0, 0, 0}));
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    Work work(all[n], 14 + n);
+    HeightMap heights(work.ground);
+    heights.prepare({Vec2(-10, -10), Vec2(10, 10)}).check();
+    std::mt19937_64 random(15);
+    std::vector<double> out(32 * 32);
+    look_around(heights, work.at[0], random, out);
+    for (int step = 0; step < (kLong ? 400 : 40); ++step) {
+      work.step();
+      const Pose& at = work.at[random() % work.at.size()];
+      const std::size_t before = allocations;
+      look_around(heights, at, random, out);
+      ASSERT_EQ(allocations, before) << n << ", " << step;
+    }
+    EXPECT_GT(work.ground.chunk_count(), 8u);
+    HeightMap fresh(work.ground);
+    const MapGrid grid = over_site(0.1, {0, 0});
+    const std::vector<double> kept = map_of(heights, grid, MapLayer::kHeight),
+                              anew = map_of(fresh, grid, MapLayer::kHeight);
+    for (std::size_t i = 0; i < kept.size(); ++i)
+      ASSERT_TRUE(kept[i] == anew[i] || (std::isnan(kept[i]) && std::isnan(anew[i])));
+  }
 }
 
 TEST(HeightMap, LookingAgainAllocatesNothing) {
   Work work(make_plane(0, {0.02, 0.05}), 14);
   for (int n = 0; n < 20; ++n) work.step();
   HeightMap heights(work.ground);
-  std::mt19937_64 random(15);
-  std::uniform_real_distribution<double> any(-2, 2);
-  std::vector<Vec2> places;
   std::vector<Vec3> ways;
-  for (int n = 0; n < 200; ++n) {
-    places.emplace_back(any(random), any(random));
-    ways.emplace_back(any(random), any(random), -1);
-  }
+  for (int n = 0; n < 200; ++n) ways.emplace_back(std::cos(n), std::sin(n), -1);
   std::vector<double> out(32 * 32);
-  const Pose turn{{0, 0, 0}, from_rpy(0, 0, 0.5)};
   const Vec3 eye(0, 0, 3);
   const auto look = [&] {
-    heights.at({places.data(), 1}, out);
-    heights.at(places, out);
-    for (const double cell_m : {0.1, 0.13})
-      for (const Pose* turned : {static_cast<const Pose*>(nullptr), &turn})
-        heights.map(MapGrid::around({0.01, 0}, cell_m, 32, 32, turned), MapLayer::kHeight,
-                    std::span<double>(out));
-    heights.lines({-1, -1}, {0.1, 0}, 20, {0, 0.1}, 20, out);
-    heights.cast({&eye, 1}, ways, std::span(out).first(ways.size()));
+    std::mt19937_64 random(15);
+    look_around(heights, {{0.01, 0, -0.2}, from_rpy(0, 0, 0.5)}, random, out);
+    heights.cast({&eye, 1}, ways, std::span(out).first(ways.size())).check();
   };
   look();
   const std::size_t before = allocations;
@@ -453,16 +499,87 @@ TEST(HeightMap, LookingAgainAllocatesNothing) {
   EXPECT_EQ(allocations, before);
 }
 
+/// A cave below a plane, a trench, and ground that is as it was.
+TEST(HeightMap, ACeilingIsForPlacesToo) {
+  constexpr double h = 0.1;
+  Ground ground(h, Vec3(0, 0, 0), make_plane(2, {0, 0}));
+  SampleWords all;
+  all.fill(kAllSoil);
+  for (const int y : {-8, 0})
+    for (const int x : {-8, 0, 8}) GroundWriter(ground).remove({x, y, 0}, all);
+  for (const int z : {8, 16, 24}) GroundWriter(ground).remove({40, 0, z}, all);
+  HeightMap heights(ground);
+  const auto at = [&](double x, double y, std::optional<double> ceiling_m = {}) {
+    const Vec2 place(x, y);
+    double z = 0;
+    heights.at({&place, 1}, {&z, 1}, ceiling_m).check();
+    return z;
+  };
+  const double floor = -0.05, of_trench = 0.75;
+  for (const Vec2& in : {Vec2(0, 0), Vec2(-0.41, 0.33)}) {
+    EXPECT_NEAR(at(in.x(), in.y()), 2, 1e-9);
+    for (const double ceiling : {0.74, 0.6, 0.06})
+      EXPECT_NEAR(at(in.x(), in.y(), ceiling), floor, 1e-9) << ceiling;
+    EXPECT_NEAR(at(in.x(), in.y(), 1.55), 1.55, 1e-9) << "in the roof";
+    EXPECT_NEAR(at(in.x(), in.y(), 30.0), 2, 1e-9);
+  }
+  EXPECT_NEAR(at(4.3, 0.3), of_trench, 1e-9);
+  EXPECT_NEAR(at(4.3, 0.3, 1.55), of_trench, 1e-9);
+  EXPECT_NEAR(at(4.3, 0.3, 0.35), 0.35, 1e-9) << "below its floor";
+  for (const double far : {5.5, 100.0, 1e9}) {  // also where no voxel can be
+    EXPECT_NEAR(at(far, 0.3, 0.55), 0.55, 1e-9);
+    EXPECT_EQ(at(far, 0.3, 2.3), 2);
+    EXPECT_EQ(at(far, 0.3), 2);
+  }
+  // Many places at once are as each alone, and a map has the same columns.
+  std::vector<Vec2> places;
+  const MapGrid grid{{-1.5, -1.5}, h, 70, 30};
+  for (int i = 0; i < grid.ny; ++i)
+    for (int j = 0; j < grid.nx; ++j) places.push_back(grid.middle_m(i, j));
+  std::vector<double> z(places.size());
+  for (const double ceiling : {0.55, 1.15, 5.0}) {
+    heights.at(places, z, ceiling).check();
+    const std::vector<double> map = map_of(heights, grid, MapLayer::kHeight, ceiling);
+    for (std::size_t i = 0; i < z.size(); ++i) {
+      ASSERT_EQ(z[i], at(places[i].x(), places[i].y(), ceiling));
+      ASSERT_NEAR(z[i], map[i], 0.01) << ceiling;
+    }
+  }
+  EXPECT_EQ(heights.at({places.data(), 1}, z, std::numeric_limits<double>::quiet_NaN()).why,
+            "a ceiling must be a number");
+  EXPECT_TRUE(std::isnan(z[0]) && !std::isnan(z[1])) << "what was not asked for stays";
+}
+
+TEST(HeightMap, PreparesAnAreaWithinReason) {
+  Ground ground(0.1, Vec3(5e5, 5e6, 0), make_plane(0, {0, 0}));
+  HeightMap heights(ground);
+  const Vec2 here(5e5, 5e6);
+  const auto why = [&](const Vec2& low, const Vec2& high) {
+    return heights.prepare({Vec2(here + low), Vec2(here + high)}).why;
+  };
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(why({0, 0}, {50, 50}), "");
+  EXPECT_EQ(why({0, 0}, {0, 0}), "") << "a place is an area, too";
+  EXPECT_EQ(why({0, 0}, {100, 100}), "an area must have at most 8192 times 8 x 8 voxels");
+  EXPECT_EQ(why({1, 0}, {0, 1}), "an area must have its corners in order");
+  for (const double bad : {kNone, 1e12, std::numeric_limits<double>::infinity()})
+    EXPECT_FALSE(heights.prepare({here, Vec2(bad, here.y() + 1)}).ok()) << bad;
+}
+
 TEST(HeightMap, RefusesWhatIsNoMap) {
   Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0, 0}));
   HeightMap heights(ground);
   std::vector<double> out(6);
   const auto refuses = [&](const MapGrid& grid, std::optional<double> ceiling_m = {}) {
-    EXPECT_THROW(heights.map(grid, MapLayer::kHeight, std::span<double>(out), ceiling_m),
-                 std::invalid_argument);
+    std::fill(out.begin(), out.end(), 7);
+    const LookResult made = heights.map(grid, MapLayer::kHeight, std::span<double>(out), ceiling_m);
+    EXPECT_EQ(made.fault, LookResult::Fault::kBadRequest);
+    EXPECT_NE(made.why, "");
+    EXPECT_THROW(made.check(), std::invalid_argument);
+    for (const double z : out) EXPECT_TRUE(std::isnan(z));
   };
   const MapGrid good{{0, 0}, 0.1, 3, 2};
-  EXPECT_NO_THROW(heights.map(good, MapLayer::kHeight, std::span<double>(out)));
+  EXPECT_TRUE(heights.map(good, MapLayer::kHeight, std::span<double>(out)).ok());
   const auto with = [&](auto change) {
     MapGrid grid = good;
     change(grid);
@@ -482,7 +599,7 @@ TEST(HeightMap, RefusesWhatIsNoMap) {
   with([](MapGrid& g) { g.along = {std::numeric_limits<double>::quiet_NaN(), 0}; });
   refuses(good, std::numeric_limits<double>::quiet_NaN());
   std::vector<double> none;
-  EXPECT_THROW(heights.at(std::vector<Vec2>{{0, 0}}, none), std::invalid_argument);
+  EXPECT_FALSE(heights.at(std::vector<Vec2>{{0, 0}}, none).ok());
 }
 
 }  // namespace height_map_test

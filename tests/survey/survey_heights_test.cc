@@ -152,7 +152,7 @@ TEST_P(Surveys, ShowInTheHeightsThatOthersRead) {
     if (wanted == SurveyHeights::kNone) return;
     const Vec2 at = scene.work.ground.origin().head<2>() + h * cell.cast<double>();
     double z = 0;
-    map.at({&at, 1}, {&z, 1});
+    map.at({&at, 1}, {&z, 1}).check();
     const double off = z - scene.survey.posts->height(at);
     off_m += std::abs(off);
     most_m = std::max(most_m, std::abs(off));

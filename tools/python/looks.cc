@@ -5,11 +5,9 @@
 #include <fmt/ranges.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "soilvdb/boundary_volume.h"
 #include "tools/python/site.h"
@@ -18,9 +16,9 @@
 namespace soilvdb::python {
 namespace {
 
-/// @param heights_of Session::heights or Session::mesh_heights
-Array heights(Site& site, const py::object& xy,
-              void (Session::*heights_of)(std::span<const Vec2>, std::span<double>)) {
+/// @param heights_of fills heights of a session at places
+template <typename F>
+Array heights(Site& site, const py::object& xy, const F& heights_of) {
   const Array given = rows(xy, "xy", 2);
   const auto count = static_cast<std::size_t>(given.shape(0));
   std::vector<Vec2> places(count);
@@ -32,7 +30,7 @@ Array heights(Site& site, const py::object& xy,
     for (std::size_t from = 0; from < count; from += kPiece) {
       if (from > 0) handle_signals();
       const std::size_t piece = std::min(kPiece, count - from);
-      (session.*heights_of)(std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
+      heights_of(session, std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
     }
   });
   return out;
@@ -94,27 +92,11 @@ struct MapRequest {
 
   const InitialTerrain* wanted() const { return design ? &design->surface() : nullptr; }
   /// @param i number of the site
-  MapGrid of(Session& session, std::size_t i = 0) const {
-    MapGrid made = of_sites.empty() ? grid : of_sites[i];
+  MapPlace of(Session& session, std::size_t i = 0) const {
     if (machine)
-      made =
-          session.map_around(machine_of(session, *machine), grid.cell_m, grid.nx, grid.ny, turned);
-    const double reach_m = kReach * session.voxel_size_m();
-    const Vec2 origin = session.origin().head<2>(), offset = made.first_m - origin;
-    if (offset.allFinite() && offset.cwiseAbs().maxCoeff() > reach_m)
-      throw std::invalid_argument(fmt::format(
-          "a map must be within {:.0f} m of the site's origin, which is at ({:.0f}, {:.0f}); Site("
-          "near=(x, y, z)) says where work begins, by default a plane's first state does",
-          reach_m, origin.x(), origin.y()));
-    return made;
+      return MapAround{machine_of(session, *machine), grid.cell_m, grid.nx, grid.ny, turned};
+    return of_sites.empty() ? grid : of_sites[i];
   }
-  /// Has the machine no place yet?
-  bool is_nowhere(Session& session) const {
-    return machine && !session.last(machine_of(session, *machine));
-  }
-
- private:
-  static constexpr double kReach = 1 << 23;  // voxels
 };
 
 /// An array for results: the caller's, or a new one of doubles. Calls f(its values).
@@ -157,7 +139,9 @@ py::object height_map(Site& site, const std::optional<MachineName>& machine,
   const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling, design);
   return fill_array(out, {shape.first, shape.second}, [&](auto values) {
     site.with([&](Session& session) {
-      const MapGrid all = map.of(session);
+      const MapPlace place = map.of(session);
+      const auto* const around = std::get_if<MapAround>(&place);
+      const MapGrid all = around ? session.map_around(*around) : std::get<MapGrid>(place);
       const double side = all.cell_m / session.voxel_size_m();
       constexpr double kPiece =
           1 << 22;  // columns of voxels: some tens of milliseconds, once known
@@ -169,21 +153,23 @@ py::object height_map(Site& site, const std::optional<MachineName>& machine,
         piece.first_m = all.middle_m(from, 0);
         piece.ny = std::min(rows, all.ny - from);
         const auto cells = static_cast<std::size_t>(all.nx);
-        session.height_map(piece, map.layer,
-                           values.subspan(static_cast<std::size_t>(from) * cells,
-                                          static_cast<std::size_t>(piece.ny) * cells),
-                           map.ceiling, map.wanted());
+        session
+            .height_map(piece, map.layer,
+                        values.subspan(static_cast<std::size_t>(from) * cells,
+                                       static_cast<std::size_t>(piece.ny) * cells),
+                        map.ceiling, map.wanted())
+            .check();
       }
     });
   });
 }
 
 /// A map of each of many sites.
-py::object height_maps(const py::object& given, const std::optional<MachineName>& machine,
-                       const py::object& origin, const py::object& matrix, const MapShape& shape,
-                       double cell, bool turned, const std::string& layer,
-                       std::optional<double> ceiling, const std::optional<TerrainValue>& design,
-                       const py::object& out, const std::optional<int>& threads) {
+py::object maps_of_sites(const py::object& given, const std::optional<MachineName>& machine,
+                         const py::object& origin, const py::object& matrix, const MapShape& shape,
+                         double cell, bool turned, const std::string& layer,
+                         std::optional<double> ceiling, const std::optional<TerrainValue>& design,
+                         const py::object& out, const std::optional<int>& threads) {
   const py::tuple kept = several(given, "sites", "soilvdb.Site");
   const std::vector<Site*> sites = sites_of(kept);
   const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling, design,
@@ -191,28 +177,21 @@ py::object height_maps(const py::object& given, const std::optional<MachineName>
   const auto count = static_cast<py::ssize_t>(sites.size());
   return fill_array(out, {count, shape.first, shape.second}, [&](auto values) {
     with_all(sites, [&](const std::vector<Session*>& sessions) {
-      const auto cells = static_cast<std::size_t>(shape.first * shape.second);
-      std::vector<std::string> wrong(sessions.size());
+      std::vector<MapPlace> places;
+      for (std::size_t i = 0; i < sessions.size(); ++i) {
+        try {
+          places.push_back(map.of(*sessions[i], i));
+        } catch (const py::value_error& e) {
+          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
+        } catch (const std::invalid_argument& e) {
+          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
+        }
+      }
       on_threads(threads, [&] {
-        tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
-          try {
-            Session& session = *sessions[i];
-            const auto own = values.subspan(i * cells, cells);
-            const bool nowhere = map.is_nowhere(session);
-            MapGrid grid{session.origin().head<2>(), cell, 1, 1};  // finds out what is wrong
-            if (!nowhere) grid = map.of(session, i);
-            session.height_map(grid, map.layer, nowhere ? own.first(1) : own, map.ceiling,
-                               map.wanted());
-            if (nowhere) std::fill(own.begin(), own.end(), std::numeric_limits<float>::quiet_NaN());
-          } catch (const std::invalid_argument& e) {
-            wrong[i] = e.what();
-          } catch (const py::value_error& e) {
-            wrong[i] = e.what();
-          }
-        });
+        soilvdb::height_maps(std::span<Session* const>(sessions), places, map.layer, values,
+                             map.ceiling, map.wanted())
+            .check();
       });
-      for (std::size_t i = 0; i < wrong.size(); ++i)
-        if (!wrong[i].empty()) throw std::invalid_argument(fmt::format("site {}: {}", i, wrong[i]));
     });
   });
 }
@@ -242,8 +221,10 @@ Array cast(Site& site, const py::object& origins, const py::object& directions) 
     for (std::size_t at = 0; at < ways.size(); at += kPiece) {
       if (at > 0) handle_signals();
       const std::size_t piece = std::min(kPiece, ways.size() - at);
-      session.cast(begins.size() == 1 ? begins : begins.subspan(at, piece), ways.subspan(at, piece),
-                   out.subspan(at, piece));
+      session
+          .cast(begins.size() == 1 ? begins : begins.subspan(at, piece), ways.subspan(at, piece),
+                out.subspan(at, piece))
+          .check();
     }
   });
   return ranges;
@@ -328,12 +309,17 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
   const auto none = py::none();
   site.def(
           "heights",
-          [](Site& s, const py::object& xy, bool sigma) -> py::object {
-            Array z = heights(s, xy, &Session::heights);
+          [](Site& s, const py::object& xy, bool sigma,
+             std::optional<double> ceiling) -> py::object {
+            Array z = heights(s, xy, [&](Session& session, auto places, auto heights_m) {
+              session.heights(places, heights_m, ceiling).check();
+            });
             if (!sigma) return z;
-            return py::make_tuple(z, heights(s, xy, &Session::sigmas));
+            return py::make_tuple(z, heights(s, xy, [](Session& session, auto places, auto sigmas) {
+                                    session.sigmas(places, sigmas);
+                                  }));
           },
-          py::arg("xy"), py::kw_only(), py::arg("sigma") = false,
+          py::arg("xy"), py::kw_only(), py::arg("sigma") = false, py::arg("ceiling") = none,
           "The surface at points xy (N, 2), m, world: (N,) float64, NaN where there is no ground. "
           "It "
           "comes straight from the soil's samples: the terrain's own height where nothing was "
@@ -342,14 +328,20 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           "hundredths of a voxel, beside a wall by as much as that is high. Under a roof the "
           "topmost "
           "soil counts. Take heights() for the ground at a point; for volumes, and for maps, take "
-          "height_map(), whose cells have the mean height of their soil. "
+          "height_map(), whose cells have the mean height of their soil. ceiling: only soil below "
+          "this height counts, to the voxel: the floor of a tunnel or the ground under a bucket; "
+          "then nothing is kept for the next look. "
           "After an update one costs some microseconds, each of many some tens of ns. With sigma a "
           "pair: "
           "heights, and their standard deviations by what is known of the machines' lips and by "
           "scans, see scan().")
       .def(
           "mesh_heights",
-          [](Site& s, const py::object& xy) { return heights(s, xy, &Session::mesh_heights); },
+          [](Site& s, const py::object& xy) {
+            return heights(s, xy, [](Session& session, auto places, auto heights_m) {
+              session.mesh_heights(places, heights_m);
+            });
+          },
           py::arg("xy"),
           "As heights(), on the surface of mesh(): for pictures. It meshes what changed since the "
           "last call, which takes milliseconds.")
@@ -376,7 +368,8 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           "float64 array to fill and return, C-contiguous. It takes about 10 ns for each column of "
           "voxels that a cell covers. Raises TypeError for none or several of origin, machine and "
           "pose, ValueError for a machine before its first state, a bad out, a layer without its "
-          "design, and a place that the site does not reach: see near of Site().");
+          "design, and a place too far from where work began: see near of Site(). Before its first "
+          "state a plane without near may be looked at anywhere.");
   site.def(
       "cast", &cast, py::arg("origins"), py::arg("directions"),
       "Distances along rays to the ground, m: as a depth camera or a lidar measures them. "
@@ -386,7 +379,7 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
       "a microsecond a ray. Raises ValueError for a direction that is zero or not finite.");
   bind_volume(site, m);
   m.def(
-      "height_maps", &height_maps, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
+      "height_maps", &maps_of_sites, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
       py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
       py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
       py::arg("design") = none, py::arg("out") = none, py::arg("threads") = none,

@@ -6,9 +6,12 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
@@ -396,18 +399,99 @@ HeightMap& Session::height_map() {
   return *s.height_map;
 }
 
-void Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
-  height_map().at(xy_m, heights_m);
+LookResult Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m,
+                            std::optional<double> ceiling_m) noexcept {
+  return LookResult::of([&] { height_map().at(xy_m, heights_m, ceiling_m).check(); },
+                        heights_m.first(std::min(xy_m.size(), heights_m.size())));
 }
 
-MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned) const {
-  const std::optional<MachineState> last = this->last(machine);
-  if (!last)
-    throw std::invalid_argument("machine '" + machines()[machine].name +
-                                "' has no place before its first state, by update() or place()");
-  return MapGrid::around(last->pose.position.head<2>(), cell_m, nx, ny,
-                         turned ? &last->pose : nullptr);
+template <typename T>
+LookResult Session::height_map(const MapPlace& place, MapLayer layer, std::span<T> out,
+                               std::optional<double> ceiling_m,
+                               const InitialTerrain* design) noexcept {
+  const auto look = [&] {
+    const auto* const around = std::get_if<MapAround>(&place);
+    const MapGrid grid = around != nullptr ? map_around(*around) : std::get<MapGrid>(place);
+    state_->reach(grid);
+    height_map().map(grid, layer, out, ceiling_m, design).check();
+  };
+  return LookResult::of(look, out);
 }
+template LookResult Session::height_map(const MapPlace&, MapLayer, std::span<float>,
+                                        std::optional<double>, const InitialTerrain*) noexcept;
+template LookResult Session::height_map(const MapPlace&, MapLayer, std::span<double>,
+                                        std::optional<double>, const InitialTerrain*) noexcept;
+
+LookResult Session::cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
+                         std::span<double> ranges_m) noexcept {
+  return LookResult::of([&] { height_map().cast(origins_m, directions, ranges_m).check(); },
+                        ranges_m);
+}
+
+LookResult Session::prepare_looks(const Eigen::AlignedBox2d& area_m) noexcept {
+  return LookResult::of([&] { height_map().prepare(area_m).check(); });
+}
+
+MapGrid Session::map_around(const MapAround& around) const {
+  const std::optional<MachineState> last = this->last(around.machine);
+  if (!last)
+    throw std::invalid_argument("machine '" + machines()[around.machine].name +
+                                "' has no place before its first state, by update() or place()");
+  return MapGrid::around(last->pose.position.head<2>(), around.cell_m, around.nx, around.ny,
+                         around.turned ? &last->pose : nullptr);
+}
+
+template <typename T>
+LookResult height_maps(std::span<Session* const> sessions, std::span<const MapPlace> places,
+                       MapLayer layer, std::span<T> out, std::optional<double> ceiling_m,
+                       const InitialTerrain* design) noexcept {
+  std::size_t worst = sessions.size();  // the first with a fault
+  LookResult fault;
+  const auto look = [&] {
+    const std::size_t count = sessions.size();
+    if (places.size() != count && places.size() != 1)
+      throw std::invalid_argument("there must be a place for each session, or one for all");
+    if (std::set<const Session*>(sessions.begin(), sessions.end()).size() != count)
+      throw std::invalid_argument("a session is there twice");
+    const std::size_t cells = count > 0 ? out.size() / count : 0;
+    if (out.size() != cells * count)
+      throw std::invalid_argument("there must be room for as many cells for each session");
+    std::mutex lock;
+    tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+      Session& session = *sessions[i];
+      const MapPlace& place = places[places.size() == 1 ? 0 : i];
+      const std::span<T> map = out.subspan(i * cells, cells);
+      const auto* const around = std::get_if<MapAround>(&place);
+      LookResult made;
+      if (around != nullptr && around->machine < session.machines().size() &&
+          !session.last(around->machine)) {
+        // It has no place, but all else must be right.
+        const MapGrid one{session.origin().head<2>(), around->cell_m, 1, 1};
+        made = session.height_map(one, layer, map.first(std::min<std::size_t>(1, cells)), ceiling_m,
+                                  design);
+        std::fill(map.begin(), map.end(), std::numeric_limits<T>::quiet_NaN());
+      } else {
+        made = session.height_map(place, layer, map, ceiling_m, design);
+      }
+      if (made.ok()) return;
+      const std::lock_guard guard(lock);
+      if (i > worst) return;
+      worst = i;
+      fault = std::move(made);
+    });
+  };
+  LookResult all = LookResult::of(look, out);
+  if (!all.ok() || fault.ok()) return all;
+  // The other maps are as they should be.
+  all = LookResult::of([&] { fault.why = fmt::format("site {}: {}", worst, fault.why); });
+  return all.ok() ? fault : all;
+}
+template LookResult height_maps(std::span<Session* const>, std::span<const MapPlace>, MapLayer,
+                                std::span<float>, std::optional<double>,
+                                const InitialTerrain*) noexcept;
+template LookResult height_maps(std::span<Session* const>, std::span<const MapPlace>, MapLayer,
+                                std::span<double>, std::optional<double>,
+                                const InitialTerrain*) noexcept;
 
 Vec3 Session::direction(std::size_t machine) const { return state_->direction(machine); }
 
@@ -445,7 +529,8 @@ BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialT
   const io::Site& site = state_->site;
   BoundaryVolume volume = volume_inside(
       site, *io::undug_site(site).ground, boundary,
-      [this](std::span<const Vec2> xy_m, std::span<double> z) { heights(xy_m, z); }, design);
+      [this](std::span<const Vec2> xy_m, std::span<double> z) { heights(xy_m, z).check(); },
+      design);
   if (with_sigma) volume.sigma_m3 = state_->volume_sigma_m3(boundary);
   return volume;
 }

@@ -20,6 +20,8 @@ namespace {
 
 /// Longest way between two states.
 constexpr double kFarthestMove_m = 100;
+/// How far from a site's origin a map may be, voxels.
+constexpr double kMapReach = 1 << 23;
 /// Way through soil after which a bucket without any is held the wrong way round.
 constexpr double kBackwards_m = 2;
 
@@ -83,6 +85,23 @@ void Session::State::float_to(const Vec3& near_m) {
                     ground.origin().z()));
   }
   become(SiteState(model(), io::open_site(site.reference.terrain, h, near_m)));
+}
+
+void Session::State::reach(const MapGrid& grid) {
+  const auto is_far = [&] {
+    const Vec2 away_m = grid.first_m - site.ground->origin().head<2>();
+    return away_m.allFinite() &&
+           away_m.cwiseAbs().maxCoeff() > kMapReach * site.ground->voxel_size_m();
+  };
+  if (!is_far()) return;
+  const double x = grid.first_m.x(), y = grid.first_m.y();
+  if (!recorder) float_to({x, y, site.ground->terrain().height(x, y).value_or(0)});
+  if (!is_far()) return;
+  const Vec3& origin = site.ground->origin();
+  throw std::invalid_argument(fmt::format(
+      "a map must be within {:.0f} m of the site's origin, which is at ({:.0f}, {:.0f}); `near` "
+      "says where work begins, by default a plane's first state does",
+      kMapReach * site.ground->voxel_size_m(), origin.x(), origin.y()));
 }
 
 std::string Session::State::unlikely(const MachineState& state, std::optional<Input>& last) const {

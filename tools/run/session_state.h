@@ -84,6 +84,8 @@ struct Session::State : tools::SiteState {
   std::string unlikely(const MachineState& state, std::optional<Input>& last) const;
   /// The same site around another place, if it may be anywhere and nothing has happened.
   void float_to(const Vec3& near_m);
+  /// The same, if a map is too far from here. @throw std::invalid_argument if it stays too far
+  void reach(const MapGrid& grid);
   template <typename Result, typename Work>
   Result placed(const MachineState& first, const Work& work);
   bool is_likely(std::span<const MachineState> states, BatchResult& refused) const;

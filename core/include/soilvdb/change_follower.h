@@ -30,6 +30,9 @@ class ChangeFollower {
   /// Sorted origins of the chunks that were created, removed or changed since the last call. The
   /// first call returns all resident chunks.
   std::vector<Coord3> take();
+  /// The same without getting memory. @param changed becomes them; the follower takes its memory in
+  /// exchange
+  void take(std::vector<Coord3>& changed);
 
   /// Follows another ground of the same lattice. All chunks of both grounds count as changed.
   void switch_to(Ground& other);

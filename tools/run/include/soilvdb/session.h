@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "soilvdb/boundary_volume.h"
@@ -62,13 +63,23 @@ struct StatesAfter {
 };
 struct Undone;  // tools/run/session_undo.h
 
+/// A map around the middle of a machine's lip.
+struct MapAround {
+  std::size_t machine = 0;
+  double cell_m = 0;   ///< side of a cell
+  int nx = 0, ny = 0;  ///< cells along x and along y
+  bool turned = true;  ///< with the lip as the map's y axis; else with the world's axes
+};
+/// Where a map is.
+using MapPlace = std::variant<MapGrid, MapAround>;
+
 /// A site with machines that takes one state after another. It writes files only if it is recorded.
 ///
-/// Guarantees: updates do not throw. A refused update leaves ground, loads and times unchanged. The
-/// same states give the same bits as `soilvdb run` for the same updates, for any number of threads,
-/// and whatever is read in between. clone() and restored states continue with the same results.
-/// Threads: one thread at a time may use a session; different sessions may be used at once. Work
-/// runs in the caller's TBB arena.
+/// Guarantees: updates and looks do not throw. A refused update leaves ground, loads and times
+/// unchanged. The same states give the same bits as `soilvdb run` for the same updates, for any
+/// number of threads, and whatever is read in between. clone() and restored states continue with
+/// the same results. Threads: one thread at a time may use a session; different sessions may be
+/// used at once. Work runs in the caller's TBB arena.
 ///
 ///     Session site({.voxel_size_m = 0.05, .terrain = io::PlaneTerrain{},
 ///                   .machines = {{"digger", {.width_m = 1.2, .height_m = 0.9}}}});
@@ -183,22 +194,24 @@ class Session {
   std::uint64_t memory_bytes() const;
 
   /// Heights of the topmost soil at places of the world from samples, m; NaN without soil. Cheap
-  /// enough for each step of a loop: see HeightMap.
-  void heights(std::span<const Vec2> xy_m, std::span<double> heights_m);
-  /// A map as of HeightMap::map(), float or double.
+  /// enough for each step of a loop, and without new memory in ground that was looked at: see
+  /// HeightMap, also for the ceiling.
+  LookResult heights(std::span<const Vec2> xy_m, std::span<double> heights_m,
+                     std::optional<double> ceiling_m = {}) noexcept;
+  /// A map as of HeightMap::map(), float or double. On a plane that may be anywhere the site goes
+  /// where it is looked at, until its first state says where work begins.
   template <typename T>
-  void height_map(const MapGrid& grid, MapLayer layer, std::span<T> out,
-                  std::optional<double> ceiling_m = {}, const InitialTerrain* design = nullptr) {
-    height_map().map(grid, layer, out, ceiling_m, design);
-  }
+  LookResult height_map(const MapPlace& place, MapLayer layer, std::span<T> out,
+                        std::optional<double> ceiling_m = {},
+                        const InitialTerrain* design = nullptr) noexcept;
   /// Distances along rays to the ground, m: see HeightMap::cast().
-  void cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
-            std::span<double> ranges_m) {
-    height_map().cast(origins_m, directions, ranges_m);
-  }
-  /// Cells around the middle of a machine's lip. @param turned with the lip as the map's y axis;
-  /// else with the world's axes. @throw std::invalid_argument before its first state
-  MapGrid map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned = true) const;
+  LookResult cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
+                  std::span<double> ranges_m) noexcept;
+  /// Gets all memory for looks in an area, see HeightMap::prepare(). To be called again in a clone,
+  /// after restore(), and after the first state on a plane without SessionSite::near_m.
+  LookResult prepare_looks(const Eigen::AlignedBox2d& area_m) noexcept;
+  /// Cells of a map around a machine. @throw std::invalid_argument before its first state
+  MapGrid map_around(const MapAround& around) const;
   /// See Site::direction().
   Vec3 direction(std::size_t machine) const;
   /// What a bucket's resistance depends on besides the strength of the soil, as of the last update:
@@ -307,5 +320,16 @@ class Session {
 /// @param states one per session
 std::vector<StepResult> update_many(std::span<Session* const> sessions,
                                     std::span<const MachineState> states) noexcept;
+
+/// A map of each of several different sessions, on all threads of the caller's TBB arena.
+/// @param places one per session, or one for all
+/// @param out float or double, the cells of the first map, then those of the next
+/// @return the first fault, with its session's number; that map is NaN, the others are made. Around
+///         a machine before its first state a map is NaN without a fault. A session that is there
+///         twice, or sizes that don't fit, are faults of all.
+template <typename T>
+LookResult height_maps(std::span<Session* const> sessions, std::span<const MapPlace> places,
+                       MapLayer layer, std::span<T> out, std::optional<double> ceiling_m = {},
+                       const InitialTerrain* design = nullptr) noexcept;
 
 }  // namespace soilvdb::inline v0
