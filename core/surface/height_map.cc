@@ -33,13 +33,20 @@ void require(bool holds, const char* why) {
   if (!holds) throw std::invalid_argument(why);
 }
 
-/// The highest cell below a ceiling.
-int cell_below(const std::optional<double>& ceiling_m, const Ground& ground) {
-  if (!ceiling_m) return kNoCeiling;
-  require(std::isfinite(*ceiling_m), "a ceiling must be a number");
-  const double z = (*ceiling_m - ground.origin().z()) / ground.voxel_size_m();
-  return static_cast<int>(std::floor(std::clamp(z, -kMaxIndex, kMaxIndex) + 0.5 + kSameCell)) - 1;
-}
+/// The highest cell below a ceiling, and its top, m.
+struct Ceiling {
+  int cell = kNoCeiling;
+  double top_m = std::numeric_limits<double>::infinity();
+
+  Ceiling(const std::optional<double>& ceiling_m, const Ground& ground) {
+    if (!ceiling_m) return;
+    require(std::isfinite(*ceiling_m), "a ceiling must be a number");
+    const double h = ground.voxel_size_m(), z = (*ceiling_m - ground.origin().z()) / h;
+    const double highest = std::floor(z + 0.5 + kSameCell) - 1;
+    cell = static_cast<int>(std::clamp(highest, -kMaxIndex, kMaxIndex));
+    top_m = ground.origin().z() + h * (highest + 0.5);
+  }
+};
 
 /// Columns of a rectangle that is turned any way, and of their margins.
 double columns_of(double width, double height) {
@@ -132,8 +139,7 @@ void HeightMap::fill_at(std::span<const Vec2> xy_m, std::span<double> heights_m,
                         std::optional<double> ceiling_m) {
   HeightReader& reader = *reader_;
   const Ground& ground = reader.ground();
-  const int ceiling = cell_below(ceiling_m, ground);
-  const double top_m = ground.origin().z() + ground.voxel_size_m() * (ceiling + 0.5);
+  const Ceiling ceiling(ceiling_m, ground);
   reader.refresh();
   const auto index = [&](const Vec2& xy) {
     return Vec2((xy - ground.origin().head<2>()) / ground.voxel_size_m());
@@ -149,11 +155,11 @@ void HeightMap::fill_at(std::span<const Vec2> xy_m, std::span<double> heights_m,
     // What nobody touched is as high as the terrain, which counts only come near.
     if (std::isnan(counted)) {
       const auto z = ground.terrain().height(xy.x(), xy.y());
-      if (z && *z <= top_m) return *z;
+      if (z && *z <= ceiling.top_m) return *z;
       if (is_near(at))
         counted = reader.columns.between(at);
       else if (z)
-        return top_m;
+        return ceiling.top_m;
     }
     return ground.origin().z() + ground.voxel_size_m() * counted;
   };
@@ -161,8 +167,9 @@ void HeightMap::fill_at(std::span<const Vec2> xy_m, std::span<double> heights_m,
     const Coord2 first = low.array().floor().matrix().cast<int>();
     const Coord2 last = high.array().floor().matrix().cast<int>();
     const Coord2 size = last - first + Coord2::Constant(2);
-    reader.read(first, size, static_cast<std::size_t>(MapLayer::kHeight), ceiling, reader.columns);
-    reader.read(first, size, HeightReader::kTouched, ceiling, reader.changed);
+    reader.read(first, size, static_cast<std::size_t>(MapLayer::kHeight), ceiling.cell,
+                reader.columns);
+    reader.read(first, size, HeightReader::kTouched, ceiling.cell, reader.changed);
   };
   Eigen::AlignedBox2d box;
   for (const Vec2& xy : xy_m)
@@ -296,7 +303,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   require(to_design == (design != nullptr), to_design
                                                 ? "a map of heights above a design needs the design"
                                                 : "a design is for a map of heights above it");
-  const int ceiling = cell_below(ceiling_m, ground);
+  const int ceiling = Ceiling(ceiling_m, ground).cell;
   reader.refresh();
   const double zero = layer == MapLayer::kHeight ? ground.origin().z() : 0;
   const auto metres = [&](double cells) { return static_cast<T>(zero + h * cells); };

@@ -175,7 +175,8 @@ def step(chance, site, others):
         return site.update_path(machine, **{key: chance.thing() for key in keys})
     if name == "heights":
         xy = chance.thing() if pick() < 0.5 else chance.arrays.uniform(-3, 3, (9, 2))
-        return site.heights(xy, sigma=chance.random.choice([False, True, chance.thing()]))
+        return site.heights(xy, sigma=chance.random.choice([False, True, chance.thing()]),
+                            ceiling=chance.random.choice([None, -0.2, chance.thing()]))
     if name == "mesh_heights":
         return site.mesh_heights(chance.thing() if pick() < 0.3 else
                                  chance.arrays.uniform(-3, 3, (9, 2)))

@@ -529,6 +529,7 @@ TEST(HeightMap, ACeilingIsForPlacesToo) {
   for (const double far : {5.5, 100.0, 1e9}) {  // also where no voxel can be
     EXPECT_NEAR(at(far, 0.3, 0.55), 0.55, 1e-9);
     EXPECT_EQ(at(far, 0.3, 2.3), 2);
+    EXPECT_EQ(at(far, 0.3, 1e300), 2);
     EXPECT_EQ(at(far, 0.3), 2);
   }
   // Many places at once are as each alone, and a map has the same columns.
