@@ -164,7 +164,7 @@ def controller(soilvdb, quick):
             "late": int((whole > 0.001).sum()),
             "late by looking": int(((whole > 0.001) & in_time).sum()),
             "late by work": int(by_work.sum()),
-            "least update": 1000 * float(update[by_work].min(initial=0.001)),
+            "least update": 1000 * float(update[by_work].min()) if by_work.any() else math.nan,
             "longest work": 1e6 * float(work[1:].max())}
 
 
