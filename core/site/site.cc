@@ -23,6 +23,8 @@ constexpr double kUnknown_s = std::numeric_limits<double>::quiet_NaN();  // in p
 constexpr double kForever = std::numeric_limits<double>::infinity();
 /// In place of a number of columns that scans changed: what follows are a survey's heights.
 constexpr std::uint64_t kHeightsFollow = ~std::uint64_t{0};
+/// In progress(), in place of the format of the state of scans: what surveys told stands before it.
+constexpr std::uint32_t kSurveyedFollow = ~std::uint32_t{0};
 
 std::string listed(const std::vector<std::string>& names) {
   std::string all;
@@ -87,7 +89,9 @@ Site::Site(const Site& other)
       inputs_(other.inputs_),
       at_rest_(other.at_rest_),
       broken_(other.broken_),
-      survey_(other.survey_ ? std::make_unique<GroundSurvey>(*ground_, *other.survey_) : nullptr),
+      surveyed_(std::make_shared<SurveyedHeights>(*other.surveyed_)),
+      survey_(other.survey_ ? std::make_unique<GroundSurvey>(*ground_, *other.survey_, surveyed_)
+                            : nullptr),
       poured_s_(other.poured_s_),
       next_pour_s_(other.next_pour_s_) {}
 
@@ -365,7 +369,7 @@ StepResult Site::update(const MachineState& state) noexcept {
 std::unique_ptr<GroundSurvey> Site::new_survey() const {
   std::vector<double> lip_sigmas_m;
   for (const SiteMachine& machine : model_->machines) lip_sigmas_m.push_back(machine.lip_sigma_m);
-  return std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m);
+  return std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m, surveyed_);
 }
 
 GroundSurvey& Site::scans() {
@@ -436,8 +440,7 @@ StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
     heights.validate();
     const Surveyed before = tracker_->surveyed();
     moving = true;
-    volumes.changed = tracker_->survey(heights);
-    tell_survey();
+    volumes.changed = take_survey(heights);
     const Surveyed& now = tracker_->surveyed();
     volumes.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     volumes.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
@@ -447,6 +450,13 @@ StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
     }
     return StepResult();
   });
+}
+
+std::int64_t Site::take_survey(const SurveyHeights& heights) {
+  const std::int64_t changed = tracker_->survey(heights);
+  surveyed_->add(heights);
+  tell_survey();
+  return changed;
 }
 
 bool Site::is_of_scans(std::string_view record) {
@@ -462,8 +472,7 @@ void Site::repeat_survey(std::string_view record) {
     const auto heights = SurveyHeights::load(record);
     if (!record.empty())
       throw std::invalid_argument("the record of a survey has more than it says");
-    tracker_->survey(heights);
-    tell_survey();
+    take_survey(heights);
     return;
   }
   std::vector<SurveyChange> changes;
@@ -593,6 +602,10 @@ std::string Site::progress() const {
     for (const Vec3& v :
          {input ? input->direction : Vec3::Zero(), input ? input->moved_from : Vec3::Zero()})
       for (const double value : v) put(out, value);
+  if (!surveyed_->empty()) {
+    put(out, kSurveyedFollow);
+    surveyed_->save(out);
+  }
   if (survey_) survey_->save(out);
   return out;
 }
@@ -641,6 +654,12 @@ void Site::set_progress(std::string_view bytes) {
     inputs[i]->direction = direction;
     inputs[i]->moved_from = from;
   }
+  SurveyedHeights surveyed;
+  std::uint32_t next = 0;
+  if (std::string_view rest = bytes; try_take(rest, next) && next == kSurveyedFollow) {
+    surveyed = SurveyedHeights::load(rest);
+    bytes = rest;
+  }
   std::unique_ptr<GroundSurvey> survey;
   if (!bytes.empty()) {
     std::swap(survey, survey_);
@@ -655,6 +674,7 @@ void Site::set_progress(std::string_view bytes) {
   }
   tracker_->restore(tracker, count);
   survey_ = std::move(survey);
+  *surveyed_ = std::move(surveyed);
   inputs.resize(model_->machines.size());
   inputs_ = std::move(inputs);
   poured_s_.reset();

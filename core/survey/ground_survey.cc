@@ -26,8 +26,9 @@ std::string RayCounts::doubt() const {
          "axes right, and its points in metres?";
 }
 
-SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas)
-    : ground(g), map(g), changes(g) {
+SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas,
+                         std::shared_ptr<const SurveyedHeights> all_surveyed)
+    : surveyed(std::move(all_surveyed)), ground(g), map(g), changes(g) {
   changes.take();
   buckets = std::move(all_buckets);
   lip_sigmas_m = std::move(sigmas);
@@ -37,8 +38,13 @@ SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector
   errors = CommonErrors(prior());
 }
 
-SurveyState::SurveyState(Ground& clone, const SurveyState& other)
-    : SurveyRecord(other), ground(clone), map(clone, other.map), changes(clone, other.changes) {}
+SurveyState::SurveyState(Ground& clone, const SurveyState& other,
+                         std::shared_ptr<const SurveyedHeights> all_surveyed)
+    : SurveyRecord(other),
+      surveyed(std::move(all_surveyed)),
+      ground(clone),
+      map(clone, other.map),
+      changes(clone, other.changes) {}
 
 void SurveyState::has_changed(const Coord2& cell) {
   // Slopes at a tile's edge depend on the next one's columns.
@@ -117,16 +123,21 @@ void SurveyState::read(SurveyTile& tile, How how) {
       continue;
     }
     const double dug = kDugSigmaM * kDugSigmaM, filled = kFilledSigma * kFilledSigma;
+    const double natural = kNaturalSigmaM * kNaturalSigmaM;
+    const bool is_surveyed = surveyed && surveyed->are_of(tile.cell + Coord2(x, y), top);
     if (is_new) {
-      if (touched.at(x, y) > 0) column.origin = tool;
-      if (touched.at(x, y) > 0 && depth > 0) column.origin = kFilled;
-      column.variance = column.origin == kNatural || column.origin == kFilled
-                            ? kNaturalSigmaM * kNaturalSigmaM + filled * depth * depth
-                            : dug;
+      if (touched.at(x, y) > 0)
+        column.origin = is_surveyed ? kSurveyed : depth > 0 ? kFilled : tool;
+      column.variance = natural;  // also of a survey
+      if (column.origin >= kUnknownTool && column.origin != kFilled) column.variance = dug;
+      if (column.origin == kFilled) column.variance += filled * depth * depth;
     } else {
       if (how == How::kChanged) retire(tile, i);
       const double rise = h * (top - column.top);
-      if (depth > 0 && rise > 0) {
+      if (is_surveyed) {
+        column.origin = kSurveyed;
+        column.variance = natural;
+      } else if (depth > 0 && rise > 0) {
         // What was known of the ground below stays known.
         if (column.prior >= 0) column.variance = height_variance(tile, i);
         if (column.prior >= 0 || column.origin == kNatural) column.origin = kFilled;
@@ -193,10 +204,13 @@ int SurveyState::sensor_of(const Sensor& sensor) {
 }
 
 GroundSurvey::GroundSurvey(Ground& ground, std::vector<Bucket> buckets,
-                           std::vector<double> lip_sigmas_m)
-    : state_(std::make_unique<SurveyState>(ground, std::move(buckets), std::move(lip_sigmas_m))) {}
-GroundSurvey::GroundSurvey(Ground& clone, const GroundSurvey& other)
-    : state_(std::make_unique<SurveyState>(clone, *other.state_)) {}
+                           std::vector<double> lip_sigmas_m,
+                           std::shared_ptr<const SurveyedHeights> surveyed)
+    : state_(std::make_unique<SurveyState>(ground, std::move(buckets), std::move(lip_sigmas_m),
+                                           std::move(surveyed))) {}
+GroundSurvey::GroundSurvey(Ground& clone, const GroundSurvey& other,
+                           std::shared_ptr<const SurveyedHeights> surveyed)
+    : state_(std::make_unique<SurveyState>(clone, *other.state_, std::move(surveyed))) {}
 GroundSurvey::~GroundSurvey() = default;
 
 void GroundSurvey::worked(std::optional<std::size_t> machine) {

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <stdexcept>
 
 #include "core/constants.h"
 #include "core/ground/ground_columns.h"
 #include "core/lattice/bytes.h"
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::inline v0 {
 
@@ -26,15 +28,33 @@ void SurveyHeights::validate() const {
       throw std::invalid_argument("a survey must be within 2^23 voxels of the site's origin");
 }
 
-void SurveyHeights::save(std::string& out) const {
-  for (const Coord2& pair : {first, size})
-    for (const int value : pair) put(out, value);
+namespace {
+
+/// Differences, which are compressed to less.
+void put_differences(std::string& out, std::span<const std::int32_t> heights) {
   std::uint32_t before = 0;
-  for (const std::int32_t height : heights) {  // differences, which are compressed to less
+  for (const std::int32_t height : heights) {
     const auto bits = static_cast<std::uint32_t>(height);
     put(out, bits - before);
     before = bits;
   }
+}
+void take_differences(std::string_view& in, std::span<std::int32_t> heights) {
+  std::uint32_t bits = 0;
+  for (std::int32_t& height : heights) {
+    std::uint32_t more = 0;
+    take(in, more);
+    bits += more;
+    height = static_cast<std::int32_t>(bits);
+  }
+}
+
+}  // namespace
+
+void SurveyHeights::save(std::string& out) const {
+  for (const Coord2& pair : {first, size})
+    for (const int value : pair) put(out, value);
+  put_differences(out, heights);
 }
 
 SurveyHeights SurveyHeights::load(std::string_view& in) {
@@ -44,14 +64,67 @@ SurveyHeights SurveyHeights::load(std::string_view& in) {
   const std::int64_t count = std::int64_t{loaded.size.x()} * loaded.size.y();
   if (loaded.size.minCoeff() < 0 || count > static_cast<std::int64_t>(in.size() / sizeof(int)))
     throw std::invalid_argument("the record of a survey ends too early");
-  std::uint32_t bits = 0;
-  for (std::int64_t i = 0; i < count; ++i) {
-    std::uint32_t more = 0;
-    take(in, more);
-    bits += more;
-    loaded.heights.push_back(static_cast<std::int32_t>(bits));
-  }
+  loaded.heights.resize(static_cast<std::size_t>(count));
+  take_differences(in, loaded.heights);
   loaded.validate();
+  return loaded;
+}
+
+std::size_t SurveyedHeights::number(const Coord2& column) {
+  const Coord2 in = column - floor_to(column, kSide);
+  return static_cast<std::size_t>(in.x() * kSide + in.y());
+}
+
+void SurveyedHeights::add(const SurveyHeights& survey) {
+  const Coord2 low = floor_to(survey.first, kSide), end = survey.first + survey.size;
+  for (int x = low.x(); x < end.x(); x += kSide) {
+    for (int y = low.y(); y < end.y(); y += kSide) {
+      const Coord2 first = survey.first.cwiseMax(Coord2(x, y));
+      const Coord2 last = end.cwiseMin(Coord2(x + kSide, y + kSide));
+      std::shared_ptr<const Square>& square = squares_[{x, y}];
+      auto now = square ? std::make_shared<Square>(*square) : std::make_shared<Square>();
+      if (!square) now->fill(SurveyHeights::kNone);
+      for (int i = first.x(); i < last.x(); ++i) {
+        for (int j = first.y(); j < last.y(); ++j) {
+          const std::int32_t height =
+              survey.heights[survey.number(i - survey.first.x(), j - survey.first.y())];
+          if (height != SurveyHeights::kNone) (*now)[number({i, j})] = height;
+        }
+      }
+      square = std::move(now);
+    }
+  }
+}
+
+bool SurveyedHeights::are_of(const Coord2& column, double top) const {
+  const Coord2 low = floor_to(column, kSide);
+  const auto square = squares_.find({low.x(), low.y()});
+  if (square == squares_.end()) return false;
+  const std::int32_t height = (*square->second)[number(column)];
+  return height != SurveyHeights::kNone && 64 * top == height;
+}
+
+void SurveyedHeights::save(std::string& out) const {
+  put(out, std::uint64_t{squares_.size()});
+  for (const auto& [cell, square] : squares_) {
+    put(out, cell.first);
+    put(out, cell.second);
+    put_differences(out, *square);
+  }
+}
+
+SurveyedHeights SurveyedHeights::load(std::string_view& in) {
+  SurveyedHeights loaded;
+  std::uint64_t count = 0;
+  take(in, count);
+  for (; count > 0; --count) {
+    std::pair<int, int> cell;
+    take(in, cell.first);
+    take(in, cell.second);
+    const auto square = std::make_shared<Square>();
+    take_differences(in, *square);
+    loaded.squares_[cell] = square;
+  }
   return loaded;
 }
 

@@ -301,7 +301,8 @@ void GroundSurvey::load(std::string_view& in) {
   if (all) {
     std::vector<double> lips = state_->lip_sigmas_m;
     lips.pop_back();  // that of a tool that is not known
-    state_ = std::make_unique<SurveyState>(state_->ground, state_->buckets, std::move(lips));
+    state_ = std::make_unique<SurveyState>(state_->ground, state_->buckets, std::move(lips),
+                                           state_->surveyed);
   }
   SurveyState& s = *state_;
   const std::uint64_t origins = kFirstMachine + s.buckets.size();

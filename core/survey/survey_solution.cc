@@ -378,7 +378,7 @@ void SurveyState::add_volume(BlockSums& to, const SurveyColumn& column,
   const double own = area_m2 * std::sqrt(correction.own);
   const double seen = residual.weight * correction.own;  // share that measurements have in it
   // What scans found to be another height errs by itself.
-  const bool alone = column.origin == kSurveyed;
+  const bool alone = column.origin == kSurveyed && is_other(column);
   to.apart += square(own) * (alone ? 1 : seen);
   if (!alone) to.alike_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
   to.volume_on += area_m2 * correction.on;

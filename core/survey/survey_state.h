@@ -4,6 +4,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -73,8 +74,10 @@ struct SurveyRecord {
 };
 
 struct SurveyState : SurveyRecord {
-  SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> lip_sigmas_m);
-  SurveyState(Ground& clone, const SurveyState& other);
+  SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> lip_sigmas_m,
+              std::shared_ptr<const SurveyedHeights> all_surveyed);
+  SurveyState(Ground& clone, const SurveyState& other,
+              std::shared_ptr<const SurveyedHeights> all_surveyed);
 
   double voxel_m() const { return ground.voxel_size_m(); }
   /// The height from which a column's residuals and votes are counted, world.
@@ -182,6 +185,7 @@ struct SurveyState : SurveyRecord {
     double off_m3_ = 0, variance_ = 0;
   };
 
+  std::shared_ptr<const SurveyedHeights> surveyed;  // null: there are no surveys
   Ground& ground;
   HeightMap map;
   ChangeFollower changes;

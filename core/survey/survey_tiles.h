@@ -17,7 +17,7 @@ namespace soilvdb::inline v0 {
 
 /// How a column came to its height. Machine m's is kFirstMachine + m.
 inline constexpr std::uint16_t kNatural = 0;      ///< as the terrain
-inline constexpr std::uint16_t kSurveyed = 1;     ///< as scans say
+inline constexpr std::uint16_t kSurveyed = 1;     ///< as scans or a survey say
 inline constexpr std::uint16_t kUnknownTool = 2;  ///< dug, by which machine is not known
 inline constexpr std::uint16_t kFilled = 3;       ///< by soil that was moved
 inline constexpr std::uint16_t kFirstMachine = 4;

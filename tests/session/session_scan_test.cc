@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include <filesystem>
+#include <functional>
 #include <random>
 
 #include "tests/session/session_fixture.h"
@@ -344,6 +345,145 @@ TEST_P(LipsKnownBetter, CorrectEarlierGround) {
 
 INSTANTIATE_TEST_SUITE_P(Parts, LipsKnownBetter,
                          ::testing::Combine(::testing::Bool(), ::testing::Values(0.01, 0.03)));
+
+/// Columns of 10 cm from -1.5 m to 1.5 m along each axis, and what a sensor sees of them.
+std::vector<Vec3> square(const std::function<double(const Vec2&)>& height_m) {
+  std::vector<Vec3> points;
+  for (double x = -1.525; x < 1.45; x += 0.05)
+    for (double y = -1.525; y < 1.45; y += 0.05) points.emplace_back(x, y, height_m({x, y}));
+  return points;
+}
+SurveyHeights level(double height_m, int reach = 25) {
+  const int side = 2 * reach;
+  return {{-reach, -reach},
+          {side, side},
+          std::vector<std::int32_t>(static_cast<std::size_t>(side) * static_cast<std::size_t>(side),
+                                    static_cast<std::int32_t>(std::lround(640 * height_m)))};
+}
+
+// What a survey lowered, the only machine did not dig, whether it was scanned before or not.
+class ScansOfSurveys : public ::testing::TestWithParam<bool> {
+ protected:
+  ScansOfSurveys()
+      : site(std::make_shared<Ground>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
+             {{{"plate", Bucket{0.5, 0.6, {}, 0.8}, {}, kLipSigma_m}}}) {
+    if (GetParam()) apply(square([](const Vec2&) { return 0.0; }));
+  }
+
+  Survey apply(const std::vector<Vec3>& points, double mount_sigma_m = 0.01) {
+    Sensor sensor = above(0);
+    sensor.name = std::to_string(mount_sigma_m);
+    sensor.mount_height_sigma_m = mount_sigma_m;
+    sensor.mount_tilt_sigma_rad = sensor.mount_scale_sigma = 1e-5;
+    EXPECT_TRUE(site.scan(sensor, points).ok());
+    Survey survey;
+    EXPECT_TRUE(site.apply_scans(survey).ok());
+    return survey;
+  }
+  void survey(const SurveyHeights& heights) {
+    SurveyVolumes volumes;
+    ASSERT_TRUE(site.survey(heights, volumes).ok());
+    EXPECT_GT(volumes.changed, 0);
+  }
+  /// Along x, 5 columns wide, from -1 to 1 m.
+  void dig(double height_m) {
+    for (const double x : {-1.0, 1.0})
+      ASSERT_TRUE(
+          site.update({.machine = 0, .time_s = ++time_s_, .pose = {{x, 0, height_m}, {1, 0, 0, 0}}})
+              .ok());
+  }
+  static bool is_dug(const Vec2& at) { return std::abs(at.x()) < 0.9 && std::abs(at.y()) < 0.25; }
+
+  static constexpr double kLipSigma_m = 0.02;
+  Site site;
+
+ private:
+  double time_s_ = 0;
+};
+
+TEST_P(ScansOfSurveys, TellNothingOfALip) {
+  constexpr double kError_m = 0.04;
+  const double before = GetParam() ? site.lip_errors_m()[0].sigma : kLipSigma_m;
+  survey(level(-0.3));
+  const std::vector<Vec2> at = {{0.5, 0.5}};
+  double sigma_m = 0;
+  site.sigmas(at, {&sigma_m, 1});
+  EXPECT_LT(sigma_m, kLipSigma_m);  // not that of what a machine dug
+  const Survey made = apply(square([](const Vec2&) { return -0.3 - kError_m; }));
+  EXPECT_EQ(made.lip_errors_m[0].mean, 0);
+  EXPECT_EQ(made.lip_errors_m[0].sigma, before);
+  EXPECT_NEAR(made.removed_m3, 3 * 3 * kError_m, 0.02 * 3 * 3 * kError_m);
+  EXPECT_EQ(made.added_m3, 0);
+}
+
+// Also within the squares of columns that both changed.
+TEST_P(ScansOfSurveys, TellTheLipOfWhatWasDugSince) {
+  constexpr double kError_m = 0.03, kOfSurvey_m = 0.05;
+  survey(level(-0.3));
+  dig(-0.5);
+  const auto truth = [](const Vec2& at) {
+    return is_dug(at) ? -0.5 - kError_m : -0.3 + kOfSurvey_m;
+  };
+  std::vector<Vec3> points = square(truth);
+  std::erase_if(points, [](const Vec3& p) {  // walls, which are none of either
+    return std::abs(std::abs(p.y()) - 0.25) < 0.15 || std::abs(p.x()) > 0.8;
+  });
+  for (double x = -1; x < 1; x += 0.02)  // of the terrain, from which the mount is known
+    for (double y = 3; y < 4; y += 0.02) points.emplace_back(x, y, 0);
+  const Survey made = apply(points, 0.001);
+  EXPECT_NEAR(made.lip_errors_m[0].mean, kError_m, 0.004);
+  EXPECT_LT(made.lip_errors_m[0].sigma, kLipSigma_m / 2);
+}
+
+// The last survey of a column counts, also in part of another's.
+TEST_P(ScansOfSurveys, TellNothingOfALipBySurveysOverSurveys) {
+  const double before = GetParam() ? site.lip_errors_m()[0].sigma : kLipSigma_m;
+  dig(-0.2);
+  survey(level(-0.3));
+  survey(level(-0.5, 7));
+  const Survey made = apply(square([](const Vec2& at) {
+    return at.x() > -0.75 && at.x() < 0.65 && at.y() > -0.75 && at.y() < 0.65 ? -0.52 : -0.28;
+  }));
+  EXPECT_EQ(made.lip_errors_m[0].mean, 0);
+  EXPECT_EQ(made.lip_errors_m[0].sigma, before);
+}
+
+INSTANTIATE_TEST_SUITE_P(ScannedBefore, ScansOfSurveys, ::testing::Bool());
+
+TEST_P(SessionScans, GoOnWithSurveysBetween) {
+  const auto act = [](Session& session, int part_of) {
+    SurveyVolumes volumes;
+    const double from = 0.2 * part_of;
+    feed(session, part(states(), from, from + 0.05));
+    ASSERT_TRUE(session.survey(level(-0.05 * (1 + part_of)), volumes).ok());
+    feed(session, part(states(), from + 0.05, from + 0.1));
+    if (part_of > 0) work(session, part(states(), from + 0.1, from + 0.2), 1);
+  };
+  for (const bool snapshots : {false, true}) {
+    SCOPED_TRACE(snapshots);
+    const TempFolder temp;
+    Recording recording{.folder = temp / "site"};
+    if (snapshots) recording.snapshot_every_s = 3;
+    Session never_stopped(site());
+    std::optional<Session> session(site());
+    session->record(recording);
+    for (int n = 0; n < 4; ++n) {
+      Session clone = never_stopped.clone(), restored(site());
+      restored.restore(never_stopped.save());
+      for (Session* each : {&never_stopped, &*session, &clone, &restored}) act(*each, n);
+      ASSERT_EQ(clone.save(), never_stopped.save());
+      ASSERT_EQ(restored.save(), never_stopped.save());
+      ASSERT_EQ(session->save(), never_stopped.save());
+      session->flush();
+      session.reset();
+      session.emplace(site());
+      session->record(recording);
+      ASSERT_EQ(session->save(), never_stopped.save());
+    }
+    const std::vector<Estimate> lips = never_stopped.lip_errors_m();  // scans told something of one
+    EXPECT_LT(std::min(lips[0].sigma, lips[1].sigma), 0.02);
+  }
+}
 
 TEST(SiteScans, SayThatAMachineIsMissing) {
   Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));

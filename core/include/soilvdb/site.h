@@ -234,6 +234,8 @@ class Site {
   std::vector<std::optional<Input>> inputs_;  // per machine
   bool at_rest_ = false;                      // soil has come to rest at the end of a run
   std::string broken_ = {};  // why the site refuses all updates; empty: it does not
+  std::shared_ptr<SurveyedHeights> surveyed_ =
+      std::make_shared<SurveyedHeights>();     // survey_ reads it
   std::unique_ptr<GroundSurvey> survey_ = {};  // from the first scan on
 
  private:
@@ -242,6 +244,8 @@ class Site {
   Move move(const MachineState& state, std::optional<Input>& last,
             std::deque<Motion>& motions) const;
 
+  /// @return columns that have another height than before
+  std::int64_t take_survey(const SurveyHeights& heights);
   GroundSurvey& scans();
   std::unique_ptr<GroundSurvey> new_survey() const;
 

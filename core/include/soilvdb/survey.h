@@ -13,6 +13,7 @@
 
 #include "soilvdb/bucket.h"
 #include "soilvdb/ground.h"
+#include "soilvdb/survey_heights.h"
 
 namespace soilvdb::inline v0 {
 
@@ -78,6 +79,7 @@ struct SurveyState;  // core/survey/survey_state.h
 ///
 /// Of each column it is asked by how much its true height differs from the ground's. Ground that
 /// nobody touched is the datum. Ground that a machine dug errs by that machine's lip, all alike.
+/// Ground as a survey left it errs by itself, and tells of no lip and no mount.
 /// Scans err by their mount: height, two tilts and scale, all alike. These common errors and the
 /// corrections are one linear problem, solved in closed form for all scans since a column last
 /// changed. Of its columns those are corrected that scans told something of since the last time,
@@ -89,9 +91,12 @@ class GroundSurvey {
  public:
   /// @param ground must outlive it @param buckets of the machines
   /// @param lip_sigmas_m of each machine: standard deviation of its lip's height as told
-  GroundSurvey(Ground& ground, std::vector<Bucket> buckets, std::vector<double> lip_sigmas_m);
-  /// Of a clone of the other's ground.
-  GroundSurvey(Ground& clone, const GroundSurvey& other);
+  /// @param surveyed what surveys told and will tell, as Tracker::survey(); null: there are none
+  GroundSurvey(Ground& ground, std::vector<Bucket> buckets, std::vector<double> lip_sigmas_m,
+               std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
+  /// Of a clone of the other's ground. @param surveyed of the clone
+  GroundSurvey(Ground& clone, const GroundSurvey& other,
+               std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
   ~GroundSurvey();
 
   /// What changed since the last call is this machine's work; unset: that of no machine.

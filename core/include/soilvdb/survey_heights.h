@@ -3,11 +3,15 @@
 // A survey of the ground, such as a drone's, as heights of columns of voxels.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <map>
+#include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "soilvdb/ground.h"
@@ -36,6 +40,26 @@ struct SurveyHeights {
 /// Heights of a ground's columns, counted. Those of a survey are those of an untouched ground of
 /// that surface, voxel size and origin: where a survey has the terrain's heights nothing differs.
 SurveyHeights column_heights(const Ground& ground, const Coord2& first, const Coord2& size);
+
+/// The last height that surveys gave each column. Ground that still has it is as a survey says, and
+/// no machine's work.
+class SurveyedHeights {
+ public:
+  void add(const SurveyHeights& survey);
+  /// Did a survey give a column this height? @param top index space
+  bool are_of(const Coord2& column, double top) const;
+  bool empty() const { return squares_.empty(); }
+  /// Adds them as bytes, and takes them from there. @throw std::invalid_argument for other bytes
+  void save(std::string& out) const;
+  static SurveyedHeights load(std::string_view& in);
+
+ private:
+  static constexpr int kSide = 64;  // columns
+  using Square = std::array<std::int32_t, std::size_t{kSide} * kSide>;
+  static std::size_t number(const Coord2& column);
+
+  std::map<std::pair<int, int>, std::shared_ptr<const Square>> squares_;  // copies share them
+};
 
 /// What a survey changed.
 struct SurveyVolumes {
