@@ -453,6 +453,18 @@ const untidy = (page, least_px) => page.evaluate((least) => {
   return found;
 }, least_px);
 
+/** Words that are shown lower than so many px. */
+const lowTexts = (page, least_px) => page.evaluate((least) => {
+  const range = document.createRange(), texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), low = [];
+  while (texts.nextNode()) {
+    const {data, parentElement} = texts.currentNode;
+    range.selectNodeContents(texts.currentNode);
+    const {left, height} = range.getBoundingClientRect();
+    if (data.trim() && left > 0 && height > 0 && height < least && parentElement.checkVisibility({visibilityProperty: true})) low.push(`${data}: ${height}`);
+  }
+  return low;
+}, least_px);
+
 for (const [kind, sizes, touch] of [
   ['screens', [[640, 400], [720, 450], [1440, 900], [3840, 2160]], false],
   ['phones and tablets', [[390, 844], [844, 390], [768, 1024]], true],
@@ -471,6 +483,7 @@ for (const [kind, sizes, touch] of [
       await page.click('#work');
       await site.settled(page);
       await tidy('at first');
+      if (width > 3000) assert.deepEqual(await lowTexts(page, 16), [], 'words can be read on a screen of 4K');
       await page.evaluate(() => { document.querySelector('#notice').hidden = document.querySelector('#notice-do').hidden = false; document.querySelector('#notice-text').textContent = 'No connection to the site. Trying again in 30 s.'; });
       await tidy('without a connection');
       await page.evaluate(() => { document.querySelector('#notice').hidden = true; });
@@ -505,7 +518,11 @@ looking('a finger draws a boundary, takes a point back and ends it', yard, async
   await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
   await page.tap('#work');
   await site.settled(page);
+  await page.tap('[data-tab=machines]');
+  assert.ok(await page.isVisible('#panel'));
   await page.tap('[data-tool=boundary]');
+  assert.ok(await page.isHidden('#panel'), 'all of the picture is there to draw in');
+  assert.match(await page.textContent('#hint-text'), /^Tap corners/);
   assert.ok(await page.locator('#undo').isHidden());
   const {width, height, x, y} = await page.locator('#canvas').boundingBox();
   const points = (n) => page.waitForFunction((all) => document.querySelectorAll('#marks circle').length === all, n);
@@ -519,6 +536,13 @@ looking('a finger draws a boundary, takes a point back and ends it', yard, async
   const {query} = await site.answerTo(page, '/volume', () => page.tap('#done'));
   assert.equal(query.get('boundary').split(',').length, 6);
   assert.ok(await page.locator('#undo').isHidden());
+  await page.waitForSelector('#panel .card[data-kind=boundary] .cut dd');
+  await page.tap('#work');
+  await site.settled(page);
+  const [legend, picture] = await Promise.all(['#legend', '#stage'].map((part) => page.locator(part).boundingBox()));
+  assert.ok(legend.height < picture.height / 3, `a legend of ${legend.height} px in a picture of ${picture.height} px`);
+  await page.tap('#legend summary');
+  assert.ok(await page.isVisible('#legend select'));
 }, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
 
 looking('keys alone move the picture, measure, and read a section', yard, async (page) => {

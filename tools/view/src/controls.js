@@ -15,13 +15,13 @@ const kIcons = {
 const kClick_px = 6, kClick_ms = 600;
 
 export class Controls {
-  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork; keys: functions by key */
+  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork, begun, done; keys: functions by key */
   constructor(parts) {
     Object.assign(this, parts);
     this.buttons = Object.entries(kTools).map(([tool, {name, key}]) => {
       const button = h('button', {
         type: 'button', role: 'radio', 'data-tool': tool, 'aria-checked': 'false', 'aria-keyshortcuts': key,
-        title: `${name} (${key.toUpperCase()})`, onclick: (event) => this.choose(tool, event.detail === 0),
+        title: `${name} (${key.toUpperCase()})`, onclick: (event) => this.#begin(tool, event.detail === 0),
       }, svg('svg', {viewBox: '0 0 24 24', 'aria-hidden': 'true'}, svg('path', {d: kIcons[tool]})), h('span', {}, name));
       $('tools').append(button);
       return button;
@@ -42,6 +42,12 @@ export class Controls {
     $('done').onclick = then(() => this.#finish());
   }
 
+  /** On small screens a panel leaves too little of the picture to draw in. */
+  #begin(tool, byKeys) {
+    this.choose(tool, byKeys);
+    if (tool !== 'look') this.begun();
+  }
+
   /** @param {boolean} byKeys then the cross in the middle places points */
   choose(tool, byKeys = false) {
     $('stage').dataset.tool = tool;
@@ -50,7 +56,8 @@ export class Controls {
       button.setAttribute('aria-checked', String(button.dataset.tool === tool));
       button.tabIndex = 0;
     }
-    hint(kTools[tool].hint);
+    const words = kTools[tool].hint;
+    hint(matchMedia('(pointer: coarse)').matches ? words?.replace('Click', 'Tap') : words);
     if (byKeys && tool !== 'look') this.sceneView.canvas.focus();
     this.hovered = false;
   }

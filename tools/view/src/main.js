@@ -73,7 +73,7 @@ class Page {
     this.cards = new MeasureCards(this.measures, site.design, (m, d) => this.overlay.pointAt(m, d), (m) => this.goToMeasure(m));
     this.controls = new Controls({
       sceneView: this.sceneView, pick: this.pick, overlay: this.overlay, measures: this.measures, origin: this.origin,
-      fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), done: () => openPanel('measures'),
+      fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), begun: () => openPanel(null), done: () => openPanel('measures'),
       keys: {
         'c': () => this.legend.next(), 'k': () => this.forces.switch(!this.forces.on), 'o': () => this.drape.switch(!this.drape.on), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
         '[': () => this.timeline.step(-1), ']': () => this.timeline.step(1), '?': () => $('help').showModal(),

@@ -42,7 +42,9 @@ export function boxAround([x, y], [u, v], margin) {
 
 /** Boxes of the elements over the picture, in its pixels. */
 export function boxesOver() {
+  const picture = document.getElementById('stage').getBoundingClientRect();
   return ['tools', 'camera', 'notice', 'alarms', 'hint', 'legend', 'readout', 'crosshair']
     .map((id) => document.getElementById(id)).filter((e) => e.offsetWidth > 0)
-    .map((e) => ({left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
+    .map((e) => e.getBoundingClientRect())
+    .map(({left, top, right, bottom}) => ({left: left - picture.left, top: top - picture.top, right: right - picture.left, bottom: bottom - picture.top}));
 }
