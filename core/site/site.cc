@@ -23,6 +23,7 @@ constexpr double kUnknown_s = std::numeric_limits<double>::quiet_NaN();  // in p
 constexpr double kForever = std::numeric_limits<double>::infinity();
 /// In place of a number of columns that scans changed: what follows are a survey's heights.
 constexpr std::uint64_t kHeightsFollow = ~std::uint64_t{0};
+constexpr std::uint64_t kBorderFollows = kHeightsFollow - 1;  // and then heights with that
 /// In progress(), in place of the format of the state of scans: what surveys told stands before it.
 constexpr std::uint32_t kSurveyedFollow = ~std::uint32_t{0};
 
@@ -445,7 +446,8 @@ StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
     volumes.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     volumes.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
     if (record != nullptr) {
-      put(*record, kHeightsFollow);
+      put(*record, heights.border == 0 ? kHeightsFollow : kBorderFollows);
+      if (heights.border != 0) put(*record, heights.border);
       heights.save(*record);
     }
     return StepResult();
@@ -461,17 +463,21 @@ std::int64_t Site::take_survey(const SurveyHeights& heights) {
 
 bool Site::is_of_scans(std::string_view record) {
   std::uint64_t count = 0;
-  return !try_take(record, count) || count != kHeightsFollow;
+  return !try_take(record, count) || count < kBorderFollows;
 }
 
 void Site::repeat_survey(std::string_view record) {
   if (record.empty()) return;  // of scans without a ray that counts
   std::uint64_t count = 0;
   take(record, count);
-  if (count == kHeightsFollow) {
-    const auto heights = SurveyHeights::load(record);
+  if (count >= kBorderFollows) {
+    int border = 0;
+    if (count == kBorderFollows) take(record, border);
+    auto heights = SurveyHeights::load(record);
     if (!record.empty())
       throw std::invalid_argument("the record of a survey has more than it says");
+    heights.border = border;
+    heights.validate();
     take_survey(heights);
     return;
   }

@@ -74,7 +74,12 @@ class SurveyedTile {
     const bool is_in = in.minCoeff() >= 0 && (survey_.size - in).minCoeff() > 0;
     return is_in ? survey_.heights[survey_.number(in.x(), in.y())] : SurveyHeights::kNone;
   }
-  std::int32_t wanted_of(int c) const { return height_at(place_of(c)); }
+  std::int32_t wanted_of(int c) const {
+    const Coord2 cell = place_of(c);
+    const bool is_in =
+        (cell - survey_.begin()).minCoeff() >= 0 && (survey_.end() - cell).minCoeff() > 0;
+    return is_in ? height_at(cell) : SurveyHeights::kNone;
+  }
 
   float slope_of(int c, const Coord2& along) const {
     const Coord2 cell = place_of(c);
@@ -154,7 +159,7 @@ void Tracker::correct(std::span<const SurveyChange> changes) {
 std::int64_t Tracker::survey(const SurveyHeights& survey) {
   survey.validate();
   std::int64_t changed = 0;
-  const Coord2 low = floor_to(survey.first, kChunkSide), end = survey.first + survey.size;
+  const Coord2 low = floor_to(survey.begin(), kChunkSide), end = survey.end();
   for (int x = low.x(); x < end.x(); x += kSurveyBlock) {
     for (int y = low.y(); y < end.y(); y += kSurveyBlock) {
       ground_.evict();

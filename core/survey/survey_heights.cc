@@ -20,6 +20,8 @@ void SurveyHeights::validate() const {
     if (size[axis] < 0 || first[axis] <= -most || std::int64_t{first[axis]} + size[axis] >= most)
       throw std::invalid_argument("a survey must be within 2^23 voxels of the site's origin");
   const std::int64_t count = std::int64_t{size.x()} * size.y();
+  if (border < 0 || border > kMostSurveyedColumns || 2 * border > size.minCoeff())
+    throw std::invalid_argument("a border of a survey's part must be within the part");
   if (count > kMostSurveyedColumns || static_cast<std::size_t>(count) != heights.size())
     throw std::invalid_argument("a part of a survey must have a height for each of its columns, " +
                                 std::to_string(kMostSurveyedColumns) + " at most");
@@ -76,10 +78,10 @@ std::size_t SurveyedHeights::number(const Coord2& column) {
 }
 
 void SurveyedHeights::add(const SurveyHeights& survey) {
-  const Coord2 low = floor_to(survey.first, kSide), end = survey.first + survey.size;
+  const Coord2 low = floor_to(survey.begin(), kSide), end = survey.end();
   for (int x = low.x(); x < end.x(); x += kSide) {
     for (int y = low.y(); y < end.y(); y += kSide) {
-      const Coord2 first = survey.first.cwiseMax(Coord2(x, y));
+      const Coord2 first = survey.begin().cwiseMax(Coord2(x, y));
       const Coord2 last = end.cwiseMin(Coord2(x + kSide, y + kSide));
       std::shared_ptr<const Square>& square = squares_[{x, y}];
       auto now = square ? std::make_shared<Square>(*square) : std::make_shared<Square>();

@@ -143,6 +143,51 @@ TEST_P(SessionSurveys, StayWhenStatesBeforeThemAreTakenBack) {
   EXPECT_TRUE(session->save() == never.save());
 }
 
+// As those of deep changes are taken: each with the columns about it, which tell slopes.
+TEST_P(SessionSurveys, InPiecesGiveTheSameGroundAsTheWhole) {
+  const TempFolder temp;
+  Session whole(site());
+  std::optional<Session> pieces(site());
+  pieces->record({.folder = temp / "site"});
+  SurveyHeights heights = morning();
+  for (int x = 20; x < 60; ++x)  // a deep pit with steep sides, cut by the pieces' edges
+    for (int y = 10; y < 60; ++y)
+      if (std::int32_t& z = heights.heights[heights.number(x, y)]; z != SurveyHeights::kNone)
+        z -= 64 * (40 + x % 7);
+  for (Session* each : {&whole, &*pieces}) feed(*each, part(states(), 0, 0.4));
+  const SurveyVolumes made = take(whole, heights);
+  SurveyVolumes sum;
+  for (int x = 0; x < 100; x += 34) {
+    for (int y = 0; y < 83; y += 29) {
+      SurveyHeights piece{heights.first + Coord2(x - 1, y - 1),
+                          Coord2(std::min(34, 100 - x), std::min(29, 83 - y)) + Coord2(2, 2),
+                          {},
+                          1};
+      for (int i = 0; i < piece.size.x(); ++i)
+        for (int j = 0; j < piece.size.y(); ++j) {
+          const int u = x - 1 + i, v = y - 1 + j;
+          const bool is_in = u >= 0 && v >= 0 && u < 100 && v < 83;
+          piece.heights.push_back(is_in ? heights.heights[heights.number(u, v)]
+                                        : SurveyHeights::kNone);
+        }
+      const SurveyVolumes volumes = take(*pieces, piece);
+      sum.removed_m3 += volumes.removed_m3;
+      sum.added_m3 += volumes.added_m3;
+      sum.changed += volumes.changed;
+    }
+  }
+  EXPECT_EQ(pieces->ground_hash(), whole.ground_hash());
+  EXPECT_EQ(sum.changed, made.changed);
+  EXPECT_NEAR(sum.removed_m3, made.removed_m3, 1e-9);
+  EXPECT_NEAR(sum.added_m3, made.added_m3, 1e-9);
+  for (Session* each : {&whole, &*pieces}) feed(*each, part(states(), 0.4, 0.6));
+  ASSERT_TRUE(pieces->save() == whole.save());
+  pieces.reset();
+  pieces.emplace(site());
+  pieces->record({.folder = temp / "site"});
+  EXPECT_TRUE(pieces->save() == whole.save());
+}
+
 TEST_P(SessionSurveys, GiveTheSameGroundWithLittleMemory) {
   const TempFolder temp;
   Session free(site()), limited(site());

@@ -15,8 +15,12 @@
 namespace soilvdb::tools {
 namespace {
 
-/// Columns along a side of a part, a multiple of 8: it is taken at once, and feeds wait meanwhile.
+/// Columns along a side of a part, a multiple of 8, and voxels in it that change: it is taken at
+/// once, some hundredths of a second, and feeds wait meanwhile.
 constexpr int kPart = 128;
+constexpr std::int64_t kMostWork = 1 << 20;
+/// Posts of a survey that are kept at a time.
+constexpr std::uint64_t kMostSurface_bytes = 64 << 20;
 /// Most columns of a survey: a square of 400 m in voxels of 10 cm. The ground then takes 1 GB.
 constexpr double kMostColumns = 1 << 24;
 constexpr std::size_t kMostSurveyCorners = 4096;
@@ -106,17 +110,15 @@ void check_heights(const std::vector<float>& differences_m, double ground_m,
         static_cast<double>(std::count_if(differences_m.begin(), differences_m.end(), is_far)) /
         all;
     if (far < kSomeFar) continue;
-    const std::string by = fmt::format(
-        "{:.0f} % of {} are more than {:.0f} m {} the ground, half of it {:.2f} m or more",
-        100 * far, options.name, kOtherDatum_m, side > 0 ? "above" : "below", side * off.middle_m);
-    const bool is_most = far > kMostFar;
-    if (!is_most || options.trusts_heights) {
-      warnings.push_back(is_most
-                             ? by
-                             : fmt::format("{:.0f} % of {} are more than {:.0f} m {} the ground; "
-                                           "are these heights, and not voids?",
-                                           100 * far, options.name, kOtherDatum_m,
-                                           side > 0 ? "above" : "below"));
+    std::string by = fmt::format("{:.0f} % of {} are more than {:.0f} m {} the ground", 100 * far,
+                                 options.name, kOtherDatum_m, side > 0 ? "above" : "below");
+    if (far <= kMostFar) {
+      warnings.push_back(by + "; are these heights, and not voids?");
+      continue;
+    }
+    by += fmt::format(", half of it {:.2f} m or more", side * off.middle_m);
+    if (options.trusts_heights) {
+      warnings.push_back(by);
       continue;
     }
     const double ratio = (ground_m + off.middle_m) / ground_m;
@@ -131,11 +133,67 @@ void check_heights(const std::vector<float>& differences_m, double ground_m,
       off.high_m - off.low_m < kAlike * std::abs(off.middle_m))
     warnings.push_back(fmt::format(
         "nine tenths of {} are {:.2f} to {:.2f} m {} the ground, about alike; are its heights "
-        "above "
-        "the same zero as the terrain's?",
+        "above the same zero as the terrain's?",
         options.name, std::min(std::abs(off.low_m), std::abs(off.high_m)),
         std::max(std::abs(off.low_m), std::abs(off.high_m)), off.middle_m > 0 ? "above" : "below"));
 }
+
+/// Cuts a part in halves until each piece is little work. The ground comes out as of the whole
+/// part.
+/// @param now heights of the same columns
+class PartCutter {
+ public:
+  PartCutter(const SurveyHeights& part, const SurveyHeights& now, std::vector<SurveyHeights>& to)
+      : part_(part), now_(now), to_(to) {
+    cut({0, 0}, part.size);
+  }
+
+ private:
+  void cut(const Coord2& low, const Coord2& high) {
+    const Coord2 size = high - low;
+    const int axis = size.x() >= size.y() ? 0 : 1;
+    // Between squares of 8 columns, each of which is changed as one.
+    const int middle = part_.first[axis] + low[axis] + size[axis] / 2;
+    const int at = (middle & ~(kChunkSide - 1)) - part_.first[axis];
+    if (at <= low[axis] || is_little(low, high)) return add(low, high);
+    Coord2 first_end = high, second = low;
+    first_end[axis] = second[axis] = at;
+    cut(low, first_end);
+    cut(second, high);
+  }
+
+  bool is_little(const Coord2& low, const Coord2& high) const {
+    std::int64_t samples = 0;
+    for (int x = low.x(); x < high.x(); ++x) {
+      for (int y = low.y(); y < high.y(); ++y) {
+        const std::size_t n = part_.number(x, y);
+        if (part_.heights[n] != SurveyHeights::kNone)
+          samples += std::abs(std::int64_t{part_.heights[n]} - now_.heights[n]);
+      }
+    }
+    return samples / 64 <= kMostWork;
+  }
+
+  void add(const Coord2& low, const Coord2& high) {
+    if (high - low == part_.size) return to_.push_back(part_);
+    SurveyHeights piece{part_.first + low - Coord2::Ones(), high - low + Coord2(2, 2), {}, 1};
+    bool any = false;
+    for (int x = low.x() - 1; x <= high.x(); ++x) {
+      for (int y = low.y() - 1; y <= high.y(); ++y) {
+        const bool is_in = x >= 0 && y >= 0 && x < part_.size.x() && y < part_.size.y();
+        const std::int32_t height =
+            is_in ? part_.heights[part_.number(x, y)] : SurveyHeights::kNone;
+        const bool is_own = x >= low.x() && x < high.x() && y >= low.y() && y < high.y();
+        any = any || (is_own && height != SurveyHeights::kNone);
+        piece.heights.push_back(height);
+      }
+    }
+    if (any) to_.push_back(std::move(piece));
+  }
+
+  const SurveyHeights &part_, &now_;
+  std::vector<SurveyHeights>& to_;
+};
 
 }  // namespace
 
@@ -188,8 +246,9 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
   std::int64_t asked = 0, voids = 0, outside = 0, taken = 0;
   const Coord2 end = columns.first + columns.size;
   const auto aligned = [](int at) { return at & ~(kPart - 1); };
-  for (int x = columns.first.x(); x < end.x(); x = aligned(x) + kPart) {
-    for (int y = columns.first.y(); y < end.y(); y = aligned(y) + kPart) {
+  // Along the rows of a raster, which a file has one after another.
+  for (int y = columns.first.y(); y < end.y(); y = aligned(y) + kPart) {
+    for (int x = columns.first.x(); x < end.x(); x = aligned(x) + kPart) {
       options.go_on();
       const Coord2 first(x, y);
       const Coord2 size = Coord2(aligned(x) + kPart, aligned(y) + kPart).cwiseMin(end) - first;
@@ -216,8 +275,8 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
         }
       }
       taken += of_part;
-      if (of_part == 0) continue;
-      input.parts.push_back(std::move(part));
+      if (of_part > 0) PartCutter(part, now, input.parts);
+      if (survey.surface->memory_bytes() > kMostSurface_bytes) survey.surface->forget();
     }
   }
   if (taken == 0)

@@ -25,7 +25,12 @@ struct SurveyHeights {
   Coord2 first = {0, 0}, size = {0, 0};  ///< columns
   /// Of column (x, y) from the first: entry x * size.y() + y. kNone: not known, or no ground.
   std::vector<std::int32_t> heights = {};
+  /// Columns along each side that only tell the slope of those beside them, so that a survey's
+  /// parts make the same ground as the whole.
+  int border = 0;
 
+  Coord2 begin() const { return first + Coord2::Constant(border); }
+  Coord2 end() const { return first + size - Coord2::Constant(border); }
   std::size_t number(int x, int y) const {
     return static_cast<std::size_t>(x) * static_cast<std::size_t>(size.y()) +
            static_cast<std::size_t>(y);
