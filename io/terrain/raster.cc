@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <optional>
 
@@ -32,6 +33,13 @@ struct Probe {
   std::optional<float> doubtful;  ///< a height that may be a void
 };
 
+/// As some programs of Windows begin texts.
+bool begins_with_order_mark(const std::filesystem::path& file) {
+  std::array<char, 3> bytes = {};
+  return std::ifstream(file, std::ios::binary).read(bytes.data(), bytes.size()) &&
+         bytes == std::array<char, 3>{'\xEF', '\xBB', '\xBF'};
+}
+
 GdalDataset open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
   check_readable(file);
   const std::string path = std::filesystem::absolute(file).string();
@@ -39,6 +47,11 @@ GdalDataset open_dataset(const std::filesystem::path& file, GdalMessages& messag
   // GDAL's ASCII driver would guess the type from the first 100 KB.
   const char* const ascii[] = {"DATATYPE=Float64", nullptr};
   messages.clear();
+  if (name.empty() && begins_with_order_mark(file))
+    throw InputError(file,
+                     fmt::format("begins with a byte order mark, which GDAL can't read; remove it "
+                                 "with: sed -i '1s/^\\xEF\\xBB\\xBF//' {}",
+                                 shell_quoted(file)));
   if (name.empty()) {
     throw InputError(file,
                      "is not a raster format for terrain; use a GeoTIFF or an Esri ASCII grid of "

@@ -67,6 +67,16 @@ TEST(Raster, FormatsThatReferToOtherFilesAreNotFollowed) {
   EXPECT_THAT(refusal(folder, vrt), HasSubstr("gdal_translate"));
 }
 
+TEST(Raster, AByteOrderMarkIsToldWithTheCommandThatRemovesIt) {
+  const TempFolder folder;
+  const auto file = folder.write("a.asc", "\xEF\xBB\xBF" + ascii("4 5 6\n1 2 3\n"));
+  const std::string why = refusal(folder, file);
+  EXPECT_THAT(why, HasSubstr("a.asc: begins with a byte order mark"));
+  const std::string mend = "cd '" + folder.path().string() + "' && " + why.substr(why.find("sed "));
+  ASSERT_EQ(std::system(mend.c_str()), 0);
+  EXPECT_EQ(refusal(folder, file), "accepted");
+}
+
 TEST(Raster, FormatsThatHoldNoHeightsAreUnknownToGdalHere) {
   const TempFolder folder;
   refusal(folder, folder.write("empty.tif", ""));

@@ -104,6 +104,16 @@ def test_what_can_not_be_the_ground_is_refused(make, said):
         ground.survey(soilvdb.raster(np.zeros((11, 11)), origin=(50, 0), cell=1.0))
 
 
+def test_one_that_is_refused_gives_a_site_no_place():
+    site, other = (soilvdb.Site(0.1, soilvdb.plane(0.0), [BUCKET]) for _ in range(2))
+    with pytest.raises(ValueError, match="above the same zero"):
+        site.survey(soilvdb.raster(np.full((11, 11), 20.0), origin=(500_000.0, 4_000_000.0), cell=1.0))
+    assert site.save() == other.save()
+    for one in (site, other):
+        one.update(0, position=(40, 0, -0.2), rotation=(0, 0, 0, 1))
+    assert site.save() == other.save()
+
+
 def test_heights_that_are_trusted_are_taken_and_told():
     site = dug()
     with warnings.catch_warnings(record=True) as told:

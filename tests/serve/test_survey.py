@@ -338,6 +338,88 @@ def test_a_kill_amid_a_survey_leaves_parts_of_it_and_the_rest_follows(tmp_path):
     raise AssertionError("it was never killed amid the survey")
 
 
+def begin_post(server, data, length=None):
+    """A connection that has sent a survey's head and these bytes of it."""
+    address = urlsplit(server.url)
+    link = socket.create_connection((address.hostname, address.port), 60)
+    link.sendall(f"POST /survey HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {length or len(data)}\r\n\r\n"
+                 .encode() + data)
+    return link
+
+
+def all_of(link):
+    """Status and what is said, of a connection that is closed then."""
+    answer = b""
+    while more := link.recv(65536):
+        answer += more
+    head, body = answer.split(b"\r\n\r\n", 1)
+    return int(head.split()[1]), json.loads(body)
+
+
+def test_one_that_trickles_or_stops_gives_its_place_to_others(site, tmp_path):
+    data = tif(tmp_path / "m.tif", surface())
+    ended = threading.Event()
+
+    def trickle(link):
+        for n in range(100, len(data)):
+            if ended.wait(0.2):
+                return
+            link.sendall(data[n:n + 1])
+
+    with Server(site, "--out", "a", cwd=tmp_path) as one, Server(site, "--out", "b", cwd=tmp_path) as other:
+        with begin_post(one, data[:100], len(data)) as trickles, begin_post(other, data[:100], len(data)) as stops:
+            for server in (one, other):
+                assert post(server, data)[0] == 503
+            sender = threading.Thread(target=trickle, args=(trickles,))
+            sender.start()
+            try:
+                for link in (trickles, stops):
+                    status, answer = all_of(link)
+                    assert status == 408 and "32 kB a second" in answer["error"], answer
+            finally:
+                ended.set()
+                sender.join()
+            for server in (one, other):
+                take(server, data)
+
+
+def left(folder):
+    return list(folder.glob("soilvdb-survey-*"))
+
+
+def test_a_kill_leaves_no_file_of_it_once_a_server_starts_again(site, tmp_path):
+    data = tif(tmp_path / "m.tif", surface())
+    temp = tmp_path / "temp"
+    temp.mkdir()
+    (temp / "soilvdb-survey-notes").write_text("of somebody else")
+    env = {"TMPDIR": str(temp)}
+    first, second = (Server(site, "--out", tmp_path / name, cwd=tmp_path, env=env) for name in ("a", "b"))
+    with first, second:
+        with begin_post(first, data[:100], len(data)), begin_post(second, data[:100], len(data)) as other:
+            while len(left(temp)) < 3:
+                pass
+            first.kill()
+            with Server(site, "--out", tmp_path / "a", cwd=tmp_path, env=env):
+                assert len(left(temp)) == 2  # that of the second server is in use
+            other.sendall(data[100:])
+            assert b" 200 " in other.recv(65536)
+        second.stop()
+    assert [path.name for path in left(temp)] == ["soilvdb-survey-notes"]
+
+
+def test_the_end_of_the_site_is_an_answer(tmp_path):
+    heights = np.zeros((121, 121), np.float32)
+    heights[2:-2, 2:-2] = 0.3 * np.random.default_rng(1).random((117, 117))
+    data = tif(tmp_path / "m.tif", heights, crs=None, first=(-30, -30))
+    with Server(scenario(tmp_path), cwd=tmp_path) as server, begin_post(server, data) as link:
+        while server.json("/summary.json")["volume_m3"].get("surveyed_added", 0) == 0:
+            pass
+        server.stop()
+        status, answer = all_of(link)
+        assert status == 503
+        assert re.match(r"the site has ended; \d+ of \d+ parts of it are taken", answer["error"]), answer
+
+
 def test_only_feeders_send_surveys_and_large_ones_are_refused(site, tmp_path):
     data = tif(tmp_path / "m.tif", surface())
     with served(site, "--token", "feeds", "--view-token", "looks") as server:

@@ -148,10 +148,17 @@ SurveyedGround survey(Site& site, const TerrainValue& terrain, const py::object&
   std::vector<std::string> warnings;
   const StepResult step = site.with([&](Session& session) {
     const io::Base base = io::open_base(terrain.terrain);
+    const Vec3 before = session.origin();
     if (const Vec2 middle = base.bounds.center(); middle.allFinite())
       session.begin_near(
           {middle.x(), middle.y(), base.surface->height(middle.x(), middle.y()).value_or(0)});
-    const tools::SurveyInput input = tools::read_survey(session, base, options);
+    tools::SurveyInput input;
+    try {
+      input = tools::read_survey(session, base, options);
+    } catch (...) {
+      session.begin_near(before);  // one that is refused leaves a site without a place as it was
+      throw;
+    }
     made = {input.area_m2, 0, 0, input.voids, input.outside};
     warnings = input.warnings;
     for (const SurveyHeights& part : input.parts) {

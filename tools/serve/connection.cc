@@ -35,6 +35,8 @@ using Request = http::request<http::string_body>;
 constexpr std::chrono::seconds kFirstRequestTime{5}, kRequestTime{20}, kAnswerTime{120};
 constexpr std::chrono::seconds kHandshakeTime{5}, kSilence{60}, kGoodbyeTime{2};
 constexpr std::uint32_t kMostHeader = 8 << 10;
+/// Of a survey's bytes, on average: others wait for its end.
+constexpr std::uint64_t kLeastPerSecond = 32 << 10;
 constexpr std::size_t kMostView = 4 << 10;
 
 std::string text_of(boost::string_view view) { return {view.data(), view.size()}; }
@@ -69,7 +71,8 @@ bool is_from(std::string_view origin, const Authority& host) {
 /// Reads requests one after another until one asks for a feed or a view.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  Connection(ServerState& state, tcp::socket socket) : state_(state), stream_(std::move(socket)) {
+  Connection(ServerState& state, tcp::socket socket)
+      : state_(state), stream_(std::move(socket)), slow_(state.io) {
     ++state_.connections;
   }
 
@@ -78,6 +81,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
     parser_.emplace();
     parser_->header_limit(kMostHeader);
     file_parser_.reset();
+    file_begun_.reset();
+    file_bytes_ = 0;
     parser_->body_limit(kMostSurveyBytes);
     stream_.expires_after(std::exchange(asked_, true) ? kRequestTime : kFirstRequestTime);
     http::async_read_header(
@@ -204,19 +209,39 @@ class Connection : public std::enable_shared_from_this<Connection> {
     });
   }
 
-  /// However long it takes, while something comes.
+  /// While enough comes: a sender that stops, or trickles, must not keep others out.
   void read_file(const std::shared_ptr<SurveyPost>& survey) {
+    stream_.expires_never();  // which would close it without an answer
     if (file_parser_->is_done()) {
       file_parser_->get().body().close();
       close_after_ = !file_parser_->get().keep_alive();
-      stream_.expires_never();
       return survey->take(
           [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
     }
-    stream_.expires_after(kRequestTime);
+    const auto now = ServerState::Clock::now();
+    if (!file_begun_) file_begun_ = now;
+    const std::chrono::seconds of_bytes(file_bytes_ / kLeastPerSecond);
+    slow_.expires_at(std::min(now, *file_begun_ + of_bytes) + kRequestTime);
+    slow_.async_wait([self = shared_from_this()](beast::error_code error) {
+      if (error) return;
+      self->is_slow_ = true;
+      self->stream_.cancel();
+    });
     http::async_read_some(
         stream_, in_, *file_parser_,
-        [self = shared_from_this(), survey](beast::error_code error, std::size_t) {
+        [self = shared_from_this(), survey](beast::error_code error, std::size_t bytes) {
+          self->slow_.cancel();
+          self->file_bytes_ += bytes;
+          if (self->is_slow_)
+            return self->send(refusal(
+                408, fmt::format("the survey came too slowly, {} kB in {:.0f} s; send {} kB a "
+                                 "second or more, without pauses of {} s",
+                                 self->file_bytes_ >> 10,
+                                 std::chrono::duration<double>(ServerState::Clock::now() -
+                                                               *self->file_begun_)
+                                     .count(),
+                                 kLeastPerSecond >> 10, kRequestTime.count())));
+          if (self->state_.ending) return self->send(refusal(503, kEnded));
           if (error == beast::errc::no_space_on_device)
             return self->send(refusal(507, "there is no room for the survey on the server's disk"));
           if (error) return self->refuse(error);
@@ -298,8 +323,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
     response->prepare_payload();
     if (head_) response->body().clear();
     stream_.expires_after(kAnswerTime);
+    ++state_.replying;
     http::async_write(stream_, *response,
                       [self = shared_from_this(), response](beast::error_code error, std::size_t) {
+                        --self->state_.replying;
                         if (error || self->close_after_) return self->end();
                         self->read();
                       });
@@ -364,6 +391,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::optional<http::request_parser<http::file_body>> file_parser_;  ///< takes over for a survey
   std::optional<std::list<std::function<void()>>::iterator> waits_;
   bool asked_ = false, head_ = false, close_after_ = false;
+  net::steady_timer slow_;  ///< of a file
+  std::optional<ServerState::Clock::time_point> file_begun_;
+  std::uint64_t file_bytes_ = 0;
+  bool is_slow_ = false;
 };
 
 }  // namespace

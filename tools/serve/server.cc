@@ -25,6 +25,7 @@
 #include "tools/serve/block_message.h"
 #include "tools/serve/feeder.h"
 #include "tools/serve/server_state.h"
+#include "tools/serve/survey_post.h"
 #include "tools/serve/viewer.h"
 
 namespace soilvdb::tools {
@@ -267,12 +268,12 @@ bool ServerState::make_room() {
 void ServerState::end() {
   const Clock::time_point now = Clock::now();
   if (!ending.exchange(true)) {
-    constexpr const char* kWhy = "the site has ended";
     ended = now;
-    for (Feeder* feeder : feeders) feeder->close(kWhy);
-    for (Viewer* viewer : viewers) viewer->close(kWhy);
+    for (Feeder* feeder : feeders) feeder->close(kEnded);
+    for (Viewer* viewer : viewers) viewer->close(kEnded);
   }
-  if ((feeders.empty() && viewers.empty()) || now - ended > kGoodbye) return io.stop();
+  const bool is_left = !feeders.empty() || !viewers.empty() || surveying || replying > 0;
+  if (!is_left || now - ended > kGoodbye) return io.stop();
   timer.expires_after(kLookWhoIsLeft);
   timer.async_wait([this](const boost::system::error_code& error) {
     if (!error) end();
@@ -331,6 +332,7 @@ void ServerState::tick() {
 Server::Server(LiveSite& site, std::unique_ptr<History> history,
                std::shared_ptr<const InitialTerrain> design, const ServerOptions& options)
     : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {
+  remove_left_surveys();
   const std::string all = url();
   state_->input->name = "standard input";
   if (options.ros) state_->ros = std::make_unique<RosBridge>(*state_, *options.ros);

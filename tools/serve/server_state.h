@@ -51,6 +51,7 @@ struct Reply {
   std::string tag = {};  ///< a browser may keep this reply, and asks with the tag for a newer one
 };
 Reply refusal(unsigned status, const std::string& why);
+inline constexpr const char* kEnded = "the site has ended";
 inline constexpr const char* kOnlyLookedAt = "this site can only be viewed; nothing can be fed";
 
 /// A file that browsers keep, as it is and compressed, unless that is empty.
@@ -162,6 +163,7 @@ struct ServerState {
   std::atomic<bool> ending = false;
   bool undoing = false;
   bool surveying = false;                            ///< a survey is being received or taken
+  std::size_t replying = 0;                          ///< replies that are being sent
   std::vector<std::function<void()>> waiting_feeds;  ///< until states are taken back
   /// Of Server::feed().
   std::shared_ptr<FeedSource> input = std::make_shared<FeedSource>();

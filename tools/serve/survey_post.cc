@@ -2,7 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/survey_post.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -24,6 +28,18 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::chrono::milliseconds kLookAgain{2};
+constexpr const char* kFolder = "soilvdb-survey-";
+
+/// Opens a folder and locks it. @return a negative number if that is another's
+int lock_folder(const fs::path& folder) {
+  const int descriptor = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  struct stat status = {};
+  if (descriptor < 0 || (fstat(descriptor, &status) == 0 && status.st_uid == geteuid() &&
+                         flock(descriptor, LOCK_EX | LOCK_NB) == 0))
+    return descriptor;
+  close(descriptor);
+  return -1;
+}
 
 /// The ending of a file's name, by which its format is known, from its first bytes.
 const char* suffix_of_bytes(const fs::path& file) {
@@ -46,6 +62,17 @@ const char* suffix_of_bytes(const fs::path& file) {
 
 }  // namespace
 
+void remove_left_surveys() {
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(fs::temp_directory_path(ignored), ignored)) {
+    if (!entry.path().filename().string().starts_with(kFolder)) continue;
+    const int lock = lock_folder(entry.path());
+    if (lock < 0) continue;
+    fs::remove_all(entry.path(), ignored);
+    close(lock);
+  }
+}
+
 SurveyPost::SurveyPost(ServerState& state, const std::string& text, std::string from)
     : state_(state), from_(std::move(from)), disk_(state.io) {
   const std::optional<Target> target = parse_target(text);
@@ -63,17 +90,19 @@ SurveyPost::SurveyPost(ServerState& state, const std::string& text, std::string 
   surface_ = parameters.text_if("surface");
   if (state_.surveying)
     throw std::runtime_error("another survey is being taken; send this one when that is done");
-  std::string folder = (fs::temp_directory_path() / "soilvdb-survey-XXXXXX").string();
+  std::string folder = (fs::temp_directory_path() / (std::string(kFolder) + "XXXXXX")).string();
   if (mkdtemp(folder.data()) == nullptr)
     throw std::runtime_error("no temporary folder for the survey can be made in " +
                              fs::temp_directory_path().string());
   folder_ = folder;
+  lock_ = lock_folder(folder_);
   state_.surveying = true;
 }
 
 SurveyPost::~SurveyPost() {
   std::error_code ignored;
   fs::remove_all(folder_, ignored);
+  if (lock_ >= 0) close(lock_);
   state_.surveying = false;
 }
 
@@ -138,7 +167,7 @@ void SurveyPost::read(Session& site) {
     origin_ = site.origin();
     options_.name = "the survey";
     options_.go_on = [this] {
-      if (state_.ending) throw std::runtime_error("the site has ended");
+      if (state_.ending) throw std::runtime_error(kEnded);
     };
     input_ = read_survey(site, survey, options_);
     for (std::string& warning : input_.warnings) warning = without_folder(std::move(warning));
@@ -152,7 +181,7 @@ void SurveyPost::read(Session& site) {
 void SurveyPost::next() {
   if (state_.waits_for_undo([self = shared_from_this()] { self->next(); })) return;
   try {
-    if (state_.ending) throw std::runtime_error("the site has ended");
+    if (state_.ending) return refuse(503, kEnded);
     Session& session = state_.site.session();
     session.begin_near(middle_);
     if (session.origin() != origin_)

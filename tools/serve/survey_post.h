@@ -17,6 +17,9 @@ namespace soilvdb::tools {
 
 inline constexpr std::uint64_t kMostSurveyBytes = std::uint64_t{512} << 20;
 
+/// Removes folders of surveys that a killed server left.
+void remove_left_surveys();
+
 /// Reads its file on a thread of queries, and then takes it in parts, between which feeds have
 /// their turn. Each part is an update; if it ends early, the parts so far are taken, and the same
 /// survey again takes the rest. There is one at a time.
@@ -46,6 +49,7 @@ class SurveyPost : public std::enable_shared_from_this<SurveyPost> {
   ServerState& state_;
   const std::string from_;
   std::filesystem::path folder_;
+  int lock_ = -1;        ///< of the folder, for as long as this process lives
   std::string surface_;  ///< name of one of several in the file
   SurveyOptions options_;
   SurveyInput input_;

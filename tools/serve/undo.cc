@@ -66,7 +66,7 @@ void ServerState::undo(std::size_t machine, double time_s, std::function<void(Re
         made->after = history->states_after(machine, time_s);
         if (made->after.states == 0) return Reply();
         auto [undone, fed] = history->without(made->after, every_s, [this] {
-          if (ending) throw std::runtime_error("the site has ended");
+          if (ending) throw std::runtime_error(kEnded);
         });
         made->undone = std::move(undone);
         made->fed = std::move(fed);
