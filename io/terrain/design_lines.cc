@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "io/file/text.h"
+#include "io/terrain/alignments.h"
 #include "io/terrain/crs.h"
 #include "io/terrain/gdal.h"
 #include "io/terrain/tin.h"
@@ -49,14 +50,16 @@ class LineReader {
   DesignLines read() {
     check_readable(file_);
     GdalMessages messages;
+    if (const std::string suffix = suffix_of(file_); suffix == ".xml" || suffix == ".landxml")
+      return read_landxml_lines();
     const std::string path = std::filesystem::absolute(file_).string();
     const char* const drivers[] = {"DXF", "GPKG", "GeoJSON", "ESRI Shapefile", nullptr};
     const GdalDataset dataset(
         gdal().GDALOpenEx(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
                           drivers, nullptr, nullptr));
     if (!dataset)
-      throw InputError(file_, fmt::format("is not a readable DXF, GeoPackage, GeoJSON or Shapefile "
-                                          "of lines ({})",
+      throw InputError(file_, fmt::format("is not a readable LandXML, DXF, GeoPackage, GeoJSON or "
+                                          "Shapefile of lines ({})",
                                           messages.error_or("GDAL can't open it")));
     is_dxf_ = driver_of(dataset) == "DXF";
     if (is_dxf_) {
@@ -74,6 +77,27 @@ class LineReader {
   }
 
  private:
+  DesignLines read_landxml_lines() {
+    Alignments from = read_alignments(file_);
+    if (!from.epsg.empty() || !from.wkt.empty()) {
+      const Vec2 first_m = from.lines.empty() ? Vec2(0, 0) : Vec2(from.lines[0][0].head<2>());
+      const OwnSrs srs =
+          srs_of(metre_crs(file_, from.epsg, from.wkt, from.unit_m, from.unit, first_m));
+      if (!srs)
+        from.doubts.push_back(fmt::format("its CRS '{}' is not known",
+                                          printable(from.epsg.empty() ? from.wkt : from.epsg)));
+      set_way(srs.get());
+    }
+    for (const std::string& doubt : from.doubts)
+      all_.warnings.push_back(file_.string() + ": " + doubt);
+    for (std::vector<Vec3>& line : from.lines) {
+      for (Vec3& p : line) place(p);
+      all_.lines.push_back(std::move(line));
+    }
+    if (all_.lines.empty()) throw InputError(file_, "has no lines");
+    return std::move(all_);
+  }
+
   std::string ogr2ogr(const std::string& options) const {
     return fmt::format("ogr2ogr {} {} {}", options,
                        shell_quoted(file_.stem().string() + "_new.gpkg"), shell_quoted(file_));
@@ -126,6 +150,16 @@ class LineReader {
     for (int i = 0; i < parts; ++i) add(gdal().OGR_G_GetGeometryRef(geometry, i), depth + 1);
   }
 
+  /// Brings a point into the site.
+  void place(Vec3& p) const {
+    double none = 0;
+    if (way_ && !gdal().OCTTransform(way_.get(), 1, &p.x(), &p.y(), &none))
+      throw InputError(file_, "has a point that can't be brought into the terrain's CRS");
+    p *= unit_m_;
+    if (!(p.head<2>().cwiseAbs().maxCoeff() <= kMaxNumber) || std::abs(p.z()) > kMaxNumber)
+      throw InputError(file_, "has a point that is not a number or beyond 1e9 m");
+  }
+
   void add_line(OGRGeometryH geometry) {
     const int count = gdal().OGR_G_GetPointCount(geometry);
     if (count < 2) return;
@@ -139,12 +173,7 @@ class LineReader {
     for (int i = 0; i < count; ++i) {
       Vec3 p;
       gdal().OGR_G_GetPoint(geometry, i, &p.x(), &p.y(), &p.z());
-      double none = 0;
-      if (way_ && !gdal().OCTTransform(way_.get(), 1, &p.x(), &p.y(), &none))
-        throw InputError(file_, "has a point that can't be brought into the terrain's CRS");
-      p *= unit_m_;
-      if (!(p.cwiseAbs().maxCoeff() <= kMaxNumber))
-        throw InputError(file_, "has a point that is not a number or beyond 1e9 m");
+      place(p);
       level_0 = level_0 && p.z() == 0;
       line.push_back(p);
     }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Lines of a design, to draw: DXF, GeoPackage, GeoJSON and Shapefile by GDAL.
+// Lines of a design, to draw: LandXML; DXF, GeoPackage, GeoJSON and Shapefile by GDAL.
 #pragma once
 
 #include <filesystem>

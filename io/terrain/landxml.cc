@@ -1,19 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// LandXML surfaces. Expat reads them as a stream, so memory is that of the triangles. A DTD is
-// refused, and with it entities of a file's own.
-#include <expat.h>
+// LandXML surfaces.
 #include <fmt/format.h>
-#include <iconv.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
-#include <exception>
-#include <fstream>
-#include <iterator>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -21,40 +13,13 @@
 #include <vector>
 
 #include "io/file/text.h"
+#include "io/terrain/landxml_stream.h"
 #include "io/terrain/tin.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMostDepth = 100, kMostRow_bytes = 1000, kMostSurfaces = 1000;
-constexpr XML_Index kMostToken_bytes = 1 << 20;
-
-/// Lengths by LandXML's names, m.
-constexpr std::pair<std::string_view, double> kUnits[] = {
-    {"millimeter", 0.001}, {"centimeter", 0.01}, {"meter", 1},
-    {"kilometer", 1000},   {"foot", 0.3048},     {"USSurveyFoot", 1200.0 / 3937},
-    {"inch", 0.0254},      {"mile", 1609.344}};
-
-/// An encoding of one byte per character, by the C library's name of it.
-int set_encoding(void*, const char* name, XML_Encoding* encoding) {
-  const std::string_view letters = name;
-  if (letters.find_first_not_of(
-          "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_") != letters.npos)
-    return XML_STATUS_ERROR;
-  const iconv_t from = iconv_open("WCHAR_T", name);
-  if (from == reinterpret_cast<iconv_t>(-1)) return XML_STATUS_ERROR;
-  for (int byte = 0; byte < 256; ++byte) {
-    char in = static_cast<char>(byte), *next_in = &in;
-    wchar_t out = 0;
-    char* next_out = reinterpret_cast<char*>(&out);
-    std::size_t in_left = 1, out_left = sizeof out;
-    iconv(from, nullptr, nullptr, nullptr, nullptr);
-    const bool good = iconv(from, &next_in, &in_left, &next_out, &out_left) == 0 && out_left == 0;
-    encoding->map[byte] = good ? static_cast<int>(out) : -1;
-  }
-  iconv_close(from);
-  return XML_STATUS_OK;
-}
+constexpr std::size_t kMostRow_bytes = 1000, kMostSurfaces = 1000;
 
 /// The numbers of a row, apart by white space; empty if it has others than `count`, or other words.
 std::optional<std::array<double, 3>> three_numbers(std::string_view row) {
@@ -72,115 +37,21 @@ std::optional<std::array<double, 3>> three_numbers(std::string_view row) {
   return count == all.size() ? std::optional(all) : std::nullopt;
 }
 
-class LandXmlReader {
+class LandXmlReader final : LandXmlStream {
  public:
-  explicit LandXmlReader(const FilePart& from) : from_(from), parser_(XML_ParserCreate(nullptr)) {
-    if (parser_ == nullptr) throw std::bad_alloc();
-    XML_SetUserData(parser_.get(), this);
-    XML_SetElementHandler(
-        parser_.get(),
-        [](void* self, const char* name, const char** attributes) {
-          static_cast<LandXmlReader*>(self)->guard(
-              [=](LandXmlReader& reader) { reader.begin(name, attributes); });
-        },
-        [](void* self, const char*) {
-          static_cast<LandXmlReader*>(self)->guard([](LandXmlReader& reader) { reader.end(); });
-        });
-    XML_SetCharacterDataHandler(parser_.get(), [](void* self, const char* text, int size) {
-      static_cast<LandXmlReader*>(self)->guard([=](LandXmlReader& reader) {
-        reader.add({text, static_cast<std::size_t>(size)});
-      });
-    });
-    XML_SetUnknownEncodingHandler(parser_.get(), set_encoding, nullptr);
-    XML_SetStartDoctypeDeclHandler(
-        parser_.get(), [](void* self, const char*, const char*, const char*, int) {
-          static_cast<LandXmlReader*>(self)->guard([](LandXmlReader& reader) {
-            reader.fail("has a document type declaration, which no LandXML needs; remove it");
-          });
-        });
-  }
+  explicit LandXmlReader(const FilePart& from) : LandXmlStream(from.file), from_(from) {}
 
   TinInput read() {
-    check_readable(from_.file);
-    std::ifstream in(from_.file, std::ios::binary);
-    std::vector<char> block(1 << 16);
-    XML_Index given = 0;
-    while (in) {
-      in.read(block.data(), static_cast<std::streamsize>(block.size()));
-      if (in.bad()) throw InputError(from_.file, "can't be read to its end");
-      const auto size = static_cast<int>(in.gcount());
-      given += size;
-      const bool good = XML_Parse(parser_.get(), block.data(), size, in.eof()) == XML_STATUS_OK;
-      if (problem_) std::rethrow_exception(problem_);
-      if (!good) {
-        const XML_Error error = XML_GetErrorCode(parser_.get());
-        if (error == XML_ERROR_NO_MEMORY) throw std::bad_alloc();
-        fail(fmt::format("isn't well-formed XML ({})", XML_ErrorString(error)));
-      }
-      // A token that isn't complete is kept, and read again with each block.
-      if (given - XML_GetCurrentByteIndex(parser_.get()) > kMostToken_bytes)
-        fail("has a tag or comment of more than 1 MB");
-    }
+    parse();
     return chosen();
   }
 
  private:
   enum class Element { kOther, kSurface, kDefinition, kPoint, kFace };
 
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(from_.file, static_cast<long>(XML_GetCurrentLineNumber(parser_.get())), what);
-  }
-
-  /// Exceptions must not pass through Expat, which is C.
-  template <typename F>
-  void guard(const F& f) noexcept {
-    if (problem_) return;
-    try {
-      f(*this);
-    } catch (...) {
-      problem_ = std::current_exception();
-      XML_StopParser(parser_.get(), XML_FALSE);
-    }
-  }
-
-  static const char* attribute(const char** all, std::string_view name) {
-    for (; *all != nullptr; all += 2)
-      if (name == *all) return all[1];
-    return nullptr;
-  }
-
-  double unit_of(const char* name) const {
-    for (const auto& [known, metres] : kUnits)
-      if (known == name) return metres;
-    fail(fmt::format("the unit '{}' is not known; LandXML has meter, foot, USSurveyFoot and others",
-                     printable(name)));
-  }
-
-  void set_units(const char** attributes, const char* usual) {
-    const char* const given = attribute(attributes, "linearUnit");
-    input_.unit = given != nullptr ? given : usual;
-    input_.unit_m = input_.height_unit_m = unit_of(input_.unit.c_str());
-    const char* const heights = attribute(attributes, "elevationUnit");
-    if (heights == nullptr) return;
-    const std::string_view unit = heights;
-    // "feet" are those of the linear unit, if that is one of both.
-    const bool foot = std::abs(input_.unit_m - 0.3048) < 1e-5;
-    if (unit == "feet")
-      input_.height_unit_m = foot ? input_.unit_m : 0.3048;
-    else
-      input_.height_unit_m = unit_of(unit == "miles" ? "mile" : heights);
-  }
-
   Element opened(std::string_view name, const char** attributes) {
     const Element in = open_.empty() ? Element::kOther : open_.back();
-    if (open_.empty() && name != "LandXML")
-      fail(fmt::format("is XML of a '{}', not of LandXML", printable(name)));
-    if (name == "Metric" || name == "Imperial") {
-      set_units(attributes, name == "Metric" ? "meter" : "foot");
-    } else if (name == "CoordinateSystem" && open_.size() == 1) {
-      if (const char* epsg = attribute(attributes, "epsgCode")) input_.epsg = epsg;
-      if (const char* wkt = attribute(attributes, "ogcWktCode")) input_.wkt = wkt;
-    } else if (name == "Surface") {
+    if (name == "Surface") {
       if (names_.size() == kMostSurfaces) fail("has more than 1000 surfaces");
       const char* const given = attribute(attributes, "name");
       name_ = given != nullptr ? given : "";
@@ -212,21 +83,19 @@ class LandXmlReader {
                                                                              : Element::kOther;
   }
 
-  void begin(const char* name, const char** attributes) {
-    if (open_.size() == kMostDepth) fail("has more than 100 tags within each other");
-    const char* const colon = std::strrchr(name, ':');
-    open_.push_back(opened(colon != nullptr ? colon + 1 : name, attributes));
+  void begin(std::string_view name, const char** attributes) override {
+    open_.push_back(opened(name, attributes));
     if (open_.back() != Element::kOther) text_.clear();  // points may have tags within
   }
 
-  void add(std::string_view text) {
+  void add(std::string_view text) override {
     if (open_.empty() || (open_.back() != Element::kPoint && open_.back() != Element::kFace))
       return;
     if (text_.size() + text.size() > kMostRow_bytes) fail("has a point or face of over 1000 bytes");
     text_ += text;
   }
 
-  void end() {
+  void end() override {
     const Element element = open_.back();
     open_.pop_back();
     if (element == Element::kPoint) add_point();
@@ -278,13 +147,7 @@ class LandXmlReader {
     return std::move(input_);
   }
 
-  struct Free {
-    void operator()(XML_Parser parser) const { XML_ParserFree(parser); }
-  };
-
   const FilePart& from_;
-  std::unique_ptr<XML_ParserStruct, Free> parser_;
-  std::exception_ptr problem_;
   std::vector<Element> open_;
   std::string name_, id_, text_;
   std::vector<std::string> names_;
@@ -292,7 +155,6 @@ class LandXmlReader {
       from_.part.empty() ? 1 : parsed<std::size_t>(from_.part).value_or(0);
   bool wanted_ = false, named_ = false;
   std::unordered_map<std::string, std::uint32_t> ids_;
-  TinInput input_;
 };
 
 }  // namespace

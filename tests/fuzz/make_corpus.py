@@ -166,6 +166,15 @@ def tins():
                                      (0, 'EOF')))
   write('tin', 'dxf_lines', '\2' + groups(*header, (0, 'SECTION'), (2, 'ENTITIES'), (0, 'LINE'), (8, 'axis'),
                                          *corners((0, 0, 0), (9, 9, 1)), (0, 'ENDSEC'), (0, 'EOF')))
+  write('tin', 'landxml_lines', '\4' + landxml(metric, crs, '').replace('<Surfaces></Surfaces>', (
+    '<CgPoints><CgPoint name="a">0 100</CgPoint></CgPoints><Alignments><Alignment name="axis" staStart="10"><CoordGeom>'
+    '<Line><Start>0 0</Start><End pntRef="a"/></Line>'
+    '<Curve rot="ccw"><Start>0 100</Start><Center>50 100</Center><End>50 150</End></Curve>'
+    '<Spiral length="30" radiusStart="50" radiusEnd="INF" rot="ccw" spiType="clothoid"><Start>50 150</Start>'
+    '<PI>60.0865 150</PI><End>79.2841 144.0615</End></Spiral>'
+    '<IrregularLine><Start>80 147</Start><End>90 147</End><PntList3D>85 148 1</PntList3D></IrregularLine></CoordGeom>'
+    '<Profile><ProfAlign name="p"><PVI>10 1</PVI><ParaCurve length="20">50 2</ParaCurve>'
+    '<CircCurve radius="500">90 1</CircCurve><PVI>200 2</PVI></ProfAlign></Profile></Alignment></Alignments>')))
   write('tin', 'geojson_lines', '\3' + json.dumps({
     'type': 'FeatureCollection', 'crs': {'type': 'name', 'properties': {'name': 'EPSG:32632'}},
     'features': [{'type': 'Feature', 'properties': {}, 'geometry': {'type': kind, 'coordinates': places}}

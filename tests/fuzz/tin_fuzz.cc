@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Surfaces of triangles in LandXML or DXF, and lines in DXF or GeoJSON, by the first byte.
+// Surfaces of triangles in LandXML or DXF, and lines in DXF, GeoJSON or LandXML, by the first byte.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(loaded, "a surface of one face is read");
   if (size < 1) return 0;
   const test::TempFolder folder;
-  constexpr const char* kNames[] = {"a.xml", "a.dxf", "a.dxf", "a.geojson"};
+  constexpr const char* kNames[] = {"a.xml", "a.dxf", "a.dxf", "a.geojson", "a.xml"};
   const std::size_t kind = data[0] % std::size(kNames);
   const auto file = folder.write(kNames[kind], fuzz::text(data + 1, size - 1));
   fuzz::expect_read_or_refused([&] {

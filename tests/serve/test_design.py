@@ -172,6 +172,26 @@ def test_lines_of_a_design_are_brought_to_the_site(site, tmp_path):
     assert "plan.gpkg: has coordinates in EPSG:4326, and the terrain has no CRS" in refusal.stderr.splitlines()[-1]
 
 
+def test_alignments_of_landxml_are_drawn_with_their_profile(site, tmp_path):
+    (tmp_path / "road.xml").write_text(
+        '<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">'
+        '<Units><Metric linearUnit="meter"/></Units><CoordinateSystem epsgCode="25832"/><Alignments>'
+        '<Alignment name="axis" staStart="0"><CoordGeom><Line><Start>210 105</Start><End>210 115</End></Line>'
+        '<Curve rot="ccw"><Start>210 115</Start><Center>220 115</Center><End>220 125</End></Curve></CoordGeom>'
+        '<Profile><ProfAlign name="design"><PVI>0 10</PVI><PVI>100 20</PVI></ProfAlign></Profile></Alignment>'
+        '<Alignment name="plan"><CoordGeom><Line><Start>205 105</Start><End>205 106</End></Line></CoordGeom></Alignment>'
+        '</Alignments></LandXML>')
+    with Server(site, "--lines", "road.xml", cwd=tmp_path) as server:
+        road, plan = server.json("/lines")["lines"]
+        assert not [line for line in server.stop().splitlines() if "road.xml" in line and "warning" in line]
+    x, y, z = np.transpose(road)
+    along = np.where(x <= 115, x - 105, 10 + 10 * np.arctan2(x - 115, 220 - y))
+    np.testing.assert_allclose(z, 10 + along / 10, atol=2e-3)
+    np.testing.assert_allclose(np.hypot(x - 115, y - 220)[x > 115], 10, atol=2e-3)
+    assert along[-1] == pytest.approx(10 + 5 * np.pi, abs=2e-3) and len(road) > 10
+    np.testing.assert_allclose(plan, [(105 + k / 2, 205, 10) for k in range(3)], atol=2e-3)
+
+
 def test_arcs_of_lines_are_drawn(site, tmp_path):
     (tmp_path / "arc.csv").write_text(
         'id,WKT\n1,"COMPOUNDCURVE((101 201, 103 201), CIRCULARSTRING(103 201, 104 202, 105 201))"\n')

@@ -201,7 +201,8 @@ class CommandLine {
                     "LandXML (.xml) or DXF; one of several surfaces as FILE#NAME")
         ->type_name("FILE");
     sub->add_option("--lines", serve_.lines,
-                    "lines of a design to draw: DXF, GeoPackage, GeoJSON or Shapefile")
+                    "lines of a design to draw: LandXML (.xml), DXF, GeoPackage, GeoJSON or "
+                    "Shapefile")
         ->type_name("FILE");
     sub->add_option("--drape", serve_.drape,
                     "orthophoto or map to lay over the ground on the page (GeoTIFF, JPEG, PNG ...)")
