@@ -22,7 +22,7 @@ namespace {
 
 constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 /// How far rounding may take points from each other that should be one, m.
-constexpr double kSame_m = 0.05;
+constexpr double kSame_m = 0.05, kNear_m = 1e-6;
 constexpr std::size_t kMostText_bytes = 16 << 20;
 
 /// A number of parts of a length of which each chord is near its arc.
@@ -489,8 +489,8 @@ class AlignmentReader final : LandXmlStream {
       std::vector<double> stations;
       for (double i = line.empty() ? 0 : 1; i <= parts; ++i)
         stations.push_back(i == parts ? end : begin + i / parts * piece.length);
-      stations.insert(stations.end(), std::upper_bound(bends.begin(), bends.end(), begin),
-                      std::lower_bound(bends.begin(), bends.end(), end));
+      stations.insert(stations.end(), std::upper_bound(bends.begin(), bends.end(), begin + kNear_m),
+                      std::lower_bound(bends.begin(), bends.end(), end - kNear_m));
       std::sort(stations.begin(), stations.end());
       for (const double station : stations) {
         Vec3 p = piece.at(std::clamp(station - begin, 0.0, piece.length));

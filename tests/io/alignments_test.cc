@@ -149,25 +149,35 @@ TEST(Alignments, SpiralsAreClothoids) {
         const double reach =
             chord.norm() * std::sin(turn - between) / std::sin(std::numbers::pi - turn);
         const Vec2 pi = from + reach * direction(heading);
-        const auto radius = [](double r) { return std::isinf(r) ? "INF" : fmt::format("{}", r); };
+        const bool in_feet = length > 50;
+        const double unit = in_feet ? 0.3048 : 1;
+        const std::string head = in_feet ? "<Units><Imperial linearUnit='foot'/></Units>" : kMetric;
+        const auto radius = [&](double r) {
+          return std::isinf(r) ? "INF" : fmt::format("{}", r / unit);
+        };
+        // Rounded by a centimetre in the file, from which it goes to the point that is told.
+        const Vec2 told = to + Vec2(0.01, 0);
         const std::string text = fmt::format(
                                      "<Spiral length='{}' radiusStart='{}' radiusEnd='{}' rot='{}' "
                                      "spiType='clothoid'>",
-                                     length, radius(a), radius(b), left ? "ccw" : "cw") +
-                                 point("Start", from) + point("PI", pi) + point("End", to) +
-                                 "</Spiral>\n";
-        const Alignments made = read(landxml(alignment(text)));
+                                     length / unit, radius(a), radius(b), left ? "ccw" : "cw") +
+                                 point("Start", from / unit) + point("PI", pi / unit) +
+                                 point("End", told / unit) + "</Spiral>\n";
+        const Alignments made = read(landxml(alignment(text), head));
         ASSERT_THAT(made.lines, SizeIs(1));
         const std::vector<Vec3>& line = made.lines[0];
         ASSERT_GT(line.size(), 4u);
         for (std::size_t i = 0; i < line.size(); ++i) {
           const double share = static_cast<double>(i) / static_cast<double>(line.size() - 1);
-          ASSERT_LT((line[i].head<2>() - at(s + share * (t - s))).norm(), kRounding_m)
+          const Vec2 wanted = at(s + share * (t - s)) + share * (told - to);
+          ASSERT_LT((line[i].head<2>() - wanted).norm(), kRounding_m)
               << a << ' ' << b << ' ' << length << ' ' << share;
         }
         // Of another length it leads elsewhere, and neither is believed.
-        const std::string wrong = refusal(landxml(alignment(
-            fmt::format("<Spiral length='{}'", length + 2) + text.substr(text.find(" radiusS")))));
+        const std::string wrong =
+            refusal(landxml(alignment(fmt::format("<Spiral length='{}'", (length + 2) / unit) +
+                                      text.substr(text.find(" radiusS"))),
+                            head));
         EXPECT_THAT(wrong, AllOf(HasSubstr("road.xml:6: a clothoid of this length"),
                                  HasSubstr("m from the spiral's End")));
       }
@@ -288,6 +298,44 @@ TEST(Alignments, PointsMayBeNamedAndUnitsBeFeet) {
     for (std::size_t i = 0; i < wanted.size(); ++i)
       EXPECT_LT((made.lines[0][i] - 0.3048 * wanted[i]).norm(), 1e-9) << i;
   }
+}
+
+// A road of a straight, a clothoid and an arc, with a profile of each kind of curve.
+TEST(Alignments, InFeetAreTheSameRoad) {
+  const double length = 60, radius = 150, parameter = std::sqrt(length * radius), turn = 0.2;
+  const Vec2 begin(20, 0), end = begin + fresnel(parameter, length);
+  const double angle = length / (2 * radius);
+  const Vec2 pi(end.x() - end.y() / std::tan(angle), 0);
+  const Vec2 centre = end + radius * direction(angle + std::numbers::pi / 2);
+  const Vec2 last = centre + radius * direction(angle + turn - std::numbers::pi / 2);
+  const auto road = [&](double unit, const std::string& head) {
+    const auto p = [&](const char* tag, const Vec2& at) { return point(tag, at / unit); };
+    return landxml(
+        alignment("<Line>" + p("Start", {0, 0}) + p("End", begin) + "</Line>" +
+                      fmt::format("<Spiral length='{}' radiusStart='INF' radiusEnd='{}' rot='ccw' "
+                                  "spiType='clothoid'>",
+                                  length / unit, radius / unit) +
+                      p("Start", begin) + p("PI", pi) + p("End", end) + "</Spiral>" +
+                      "<Curve rot='ccw'>" + p("Start", end) + p("Center", centre) + p("End", last) +
+                      "</Curve>\n",
+                  fmt::format("<Profile><ProfAlign><PVI>{} {}</PVI><ParaCurve length='{}'>{} {}"
+                              "</ParaCurve><CircCurve radius='{}'>{} {}</CircCurve><PVI>{} {}</PVI>"
+                              "</ProfAlign></Profile>",
+                              50 / unit, 5 / unit, 10 / unit, 70 / unit, 6 / unit, 300 / unit,
+                              110 / unit, 5 / unit, 200 / unit, 9 / unit),
+                  fmt::format("name='axis' staStart='{}'", 50 / unit)),
+        head);
+  };
+  const std::vector<Vec3> metres = read(road(1, kMetric)).lines.at(0);
+  const std::vector<Vec3> feet =
+      read(road(1200.0 / 3937,
+                "<Units><Imperial linearUnit='USSurveyFoot' elevationUnit='feet'/></Units>"))
+          .lines.at(0);
+  ASSERT_EQ(metres.size(), feet.size());
+  for (std::size_t i = 0; i < metres.size(); ++i)
+    EXPECT_LT((metres[i] - feet[i]).norm(), 2 * kRounding_m) << i;
+  EXPECT_LT((metres.back().head<2>() - last).norm(), kRounding_m);
+  EXPECT_NEAR(metres[0].z(), 5, kRounding_m);
 }
 
 TEST(Alignments, LinesEndWhereGeometryDoesNotGoOn) {

@@ -122,9 +122,9 @@ class Server(Client):
         self.process.kill()
         self.process.wait()
 
-    def rss_kb(self):
+    def rss_kb(self, which="VmRSS"):
         status = Path(f"/proc/{self.process.pid}/status").read_text()
-        return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+        return int(next(line for line in status.splitlines() if line.startswith(which)).split()[1])
 
 
 class Block:

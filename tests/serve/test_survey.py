@@ -276,6 +276,18 @@ def told(server):
     return server.json("/progress")["areas"][0]
 
 
+def test_many_posts_take_little_memory(site, tmp_path):
+    """A sparse file of some kB has 400 MB of heights on this site."""
+    subprocess.run(["gdal_create", "-q", "-of", "GTiff", "-outsize", "10000", "10000", "-bands", "1", "-ot", "Float32",
+                    "-co", "SPARSE_OK=TRUE", "-co", "TILED=YES", "-a_srs", "EPSG:25832",
+                    "-a_ullr", "100", "240", "140", "200", tmp_path / "sparse.tif"], check=True)
+    with served(site) as server:
+        before = server.rss_kb("VmHWM")
+        status, answer = post(server, (tmp_path / "sparse.tif").read_bytes())
+        assert status == 400 and "more than 5 m below the ground" in answer["error"]
+        assert server.rss_kb("VmHWM") - before < 250_000
+
+
 def test_a_survey_is_no_progress(site, tmp_path):
     tif(tmp_path / "design.tif", surface(-2, 0))
     with served(site, "--design", tmp_path / "design.tif") as server:

@@ -408,7 +408,11 @@ TEST_P(ScansOfSurveys, TellNothingOfALip) {
   const std::vector<Vec2> at = {{0.5, 0.5}};
   double sigma_m = 0;
   site.sigmas(at, {&sigma_m, 1});
-  EXPECT_LT(sigma_m, kLipSigma_m);  // not that of what a machine dug
+  EXPECT_NEAR(sigma_m, 0.01, 1e-9);  // as of the terrain, not that of what a machine dug
+  // Which hangs together over squares of 2 m.
+  const double volume_m3 =
+      site.volume_sigma_m3({Vec2(-1.5, -1.5), Vec2(1.5, -1.5), Vec2(1.5, 1.5), Vec2(-1.5, 1.5)});
+  EXPECT_NEAR(volume_m3, 0.01 * 3 * 3 / 2, 0.015);
   const Survey made = apply(square([](const Vec2&) { return -0.3 - kError_m; }));
   EXPECT_EQ(made.lip_errors_m[0].mean, 0);
   EXPECT_EQ(made.lip_errors_m[0].sigma, before);
