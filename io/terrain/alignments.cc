@@ -166,6 +166,7 @@ class Profile {
   /// Adds stations between which it is about straight.
   void add_stations(std::vector<double>& stations) const {
     for (const Pvi& pvi : pvis) {
+      if (stations.size() > kMostLinePoints) return;
       stations.push_back(pvi.station);
       const double length = pvi.in + pvi.out;
       if (!(length > 0)) continue;
@@ -248,13 +249,17 @@ class AlignmentReader final : LandXmlStream {
       return;
     }
     if (name == "Alignment" || name == "PlanFeature" || name == "Parcel") {
+      for (const char* part : {"CoordGeom", "ProfAlign"})
+        if (std::find(open_.begin(), open_.end(), part) != open_.end())
+          fail(fmt::format("the tag {} is within a {}", name, part));
       const double begin = name == "Alignment" ? number(attributes, "staStart") : 0;
       roads_.push_back({text_of(attribute(attributes, "name")), std::isnan(begin) ? 0 : begin});
     } else if (name == "StaEquation") {
       fail("station equations are not supported; export the alignment with stations that go on");
     } else if (is_in("CoordGeom")) {
       begin_element(name, attributes);
-    } else if (name == "ProfAlign" && !roads_.empty()) {
+    } else if (name == "ProfAlign") {
+      if (roads_.empty()) fail("there is a profile that belongs to no alignment");
       roads_.back().profiles.push_back({text_of(attribute(attributes, "name")), {}});
     } else if (is_in("ProfAlign")) {
       begin_pvi(name, attributes);
@@ -330,7 +335,7 @@ class AlignmentReader final : LandXmlStream {
     const std::string kind = std::move(open_.back());
     open_.pop_back();
     if (kind == "CgPoint") {
-      if (ref_.empty()) add_point(place(kind));
+      if (ref_.empty() && !numbers().empty()) add_point(place(kind));
     } else if (is_in("ProfAlign")) {
       const std::vector<double> both = numbers();
       if (both.size() != 2)
@@ -450,6 +455,9 @@ class AlignmentReader final : LandXmlStream {
       piece.angle = std::atan2(ahead.y(), ahead.x());
       piece.curvature = side / (of.radius_from * input_.unit_m);
       piece.change = (side / (of.radius_to * input_.unit_m) - piece.curvature) / piece.length;
+      constexpr double kMostTurns = 10;
+      if (!(piece.length * piece.most_curvature() <= 2 * std::numbers::pi * kMostTurns))
+        fail_at(of.line, "a spiral turns more than ten times");
       if (piece.change == 0)
         fail_at(of.line, "a spiral has the same radius at both ends, so it is none");
       piece.gap = to - from - clothoid(piece.angle, piece.curvature, piece.change, piece.length);
@@ -478,6 +486,7 @@ class AlignmentReader final : LandXmlStream {
     profile.complete([&](long line, const char* what) { fail_at(line, what); });
     std::vector<double> bends;  // stations
     profile.add_stations(bends);
+    if (bends.size() > kMostLinePoints) too_many();
     std::sort(bends.begin(), bends.end());
     double begin = road.begin * input_.unit_m;
     std::vector<Vec3> line;

@@ -418,6 +418,11 @@ TEST(Alignments, ThatAreNotSupportedAreRefusedInALine) {
       {profile("<PVI>0 1</PVI><ParaCurve>5 2</ParaCurve>\n"), "a ParaCurve needs lengths above 0"},
       {profile("<PVI>0 1</PVI><ParaCurve length='90'>30 2</ParaCurve><PVI>60 0</PVI>\n"),
        "reaches over the next one"},
+      {refusal(landxml("<ProfAlign><PVI>0 1</PVI></ProfAlign>")), "belongs to no alignment"},
+      {refusal(landxml("<CoordGeom><Line/></CoordGeom>")), "belongs to no alignment"},
+      {of("<Line><Alignment/></Line>"), "the tag Alignment is within a CoordGeom"},
+      {profile("<PVI><Parcel/></PVI>"), "the tag Parcel is within a ProfAlign"},
+      {of(with(clothoid, "'200'", "'0.1'")), "a spiral turns more than ten times"},
       {refusal(landxml("<Surfaces/>")), "has no lines (Alignments, PlanFeatures)"},
       {refusal("<kml/>"), "is XML of a 'kml', not of LandXML"},
   };
