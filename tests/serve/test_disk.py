@@ -9,6 +9,7 @@ import time
 import pytest
 from live import Server, passes, scenario
 
+SAMPLE_M3 = 0.05 ** 3 / 64
 SOIL = "soil: {repose_angle: 0.6, swell: 0.2}\n"
 
 
@@ -77,6 +78,37 @@ def test_a_full_disk_refuses_states_until_there_is_room(tmp_path, sync):
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         server.feed(taken)
         assert server.json("/summary.json")["state_hash"] == dug
+
+
+def test_the_state_that_filled_the_disk_is_counted_once(tmp_path):
+    """It is dug and refused, because it isn't on disk. Sent again, it has the answer that it should have had."""
+    path = scenario(tmp_path, SOIL + "output: {journal: {sync: always}}\n")
+    states = [{**state, "sequence": i} for i, state in enumerate(
+        state for k in range(9) for state in passes("digger", 1.5 * k, 0.25, 60, begin=10.0 * k))]
+    with small_disk(tmp_path / "disk", 3000) as disk:
+        with Server(path, "--out", disk / "out", cwd=tmp_path) as server:
+            answers = server.feed(states[:1])
+            fill(disk)
+            at, told = next((i, answer) for i, answer in enumerate(server.feed(states), 0) if "error" in answer)
+            assert "it is taken, but not on disk yet: " in told["error"] and at < len(states) - 60, told
+            again, after = server.feed(states[at:at + 2])
+            assert "No space left" in again["error"] and "No space left" in after["error"]
+            assert "taken" not in again["error"] + after["error"], "dug once"
+            os.remove(disk / "other")
+            until = time.monotonic() + 20
+            while "error" in (again := server.feed([states[at]])[0]):
+                assert time.monotonic() < until, again
+            assert again["repeated"] and again["sequence"] == at
+            # Of those before it, and all after it, the first answers.
+            answers = [answer for answer in server.feed(states[max(0, at - 1000):])]
+            assert not [answer for answer in answers if "error" in answer]
+            cut_m3 = sum(round(answer["cut_m3"] / SAMPLE_M3) for answer in answers) * SAMPLE_M3
+            report = server.get("/report.csv")
+            assert cut_m3 == server.json("/summary.json")["volume_m3"]["cut"] > 0
+            assert float(report[1].decode().splitlines()[-1].split(",")[6]) == cut_m3
+            server.kill()
+        with Server(path, "--out", disk / "out", cwd=tmp_path) as server:
+            assert server.get("/report.csv") == report
 
 
 def test_what_was_not_on_disk_when_it_filled_is_kept(tmp_path):

@@ -230,6 +230,8 @@ Session Session::at_update(const fs::path& folder, std::uint64_t until) const {
   return there;
 }
 
+std::uint64_t Session::changes() const { return state_->fed_count; }
+
 std::string Session::recording_fault() const {
   try {
     state_->require_recording();

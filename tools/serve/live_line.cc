@@ -144,8 +144,9 @@ void LiveSite::reset_clock(const Line& json) {
   require_keys(json, {"machine", "clock"});
   if (json["clock"] != "reset") throw std::invalid_argument("'clock' must be \"reset\"");
   const std::size_t machine = session_.machine(machine_in(json).get<std::string>());
+  const std::uint64_t before = session_.changes();
   const StepResult step = session_.reset_clock(machine);
-  if (!step.ok()) throw std::runtime_error(step.why);
+  require_made(step, before);
   ++fed_.count;
   ++changes_of_past_;
   fed_.log.set_clock(machine);

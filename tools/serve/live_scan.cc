@@ -143,11 +143,13 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
 
 SurveyVolumes LiveSite::survey(const SurveyHeights& heights) {
   SurveyVolumes volumes;
-  if (const StepResult step = session_.survey(heights, volumes); !step.ok())
-    throw std::runtime_error(step.why);
+  const std::uint64_t before = session_.changes();
+  const StepResult step = session_.survey(heights, volumes);
+  if (session_.changes() == before) throw std::runtime_error(step.why);
   ++fed_.count;
   fed_.log.note_survey();
   ++changes_of_past_;  // what was known of the ground at the latest time
+  if (!step.ok()) throw std::runtime_error(step.why);
   return volumes;
 }
 

@@ -91,11 +91,22 @@ void LiveSite::undo(std::size_t machine, Undone& undone, FedStates fed) {
 }
 
 StepResult LiveSite::feed(const MachineState& state) {
-  return taken(state, session_.update(state));
+  const std::uint64_t before = session_.changes();
+  return taken(state, session_.update(state), before);
 }
 
-StepResult LiveSite::taken(const MachineState& state, StepResult step) {
-  if (!step.ok()) return step;
+void LiveSite::require_made(const StepResult& step, std::uint64_t before) {
+  if (step.ok()) return;
+  if (session_.changes() == before) throw std::runtime_error(step.why);
+  not_on_disk_ = "it is taken, but not on disk yet: " + step.why;
+}
+
+void LiveSite::require_on_disk() const {
+  if (!not_on_disk_.empty()) throw std::runtime_error(not_on_disk_);
+}
+
+StepResult LiveSite::taken(const MachineState& state, StepResult step, std::uint64_t before) {
+  if (session_.changes() == before) return step;
   ++fed_.count;
   feeds_[state.machine].driven_to.reset();
   fed_.note_time(state.time_s);
@@ -135,11 +146,13 @@ Json LiveSite::dig(const nlohmann::json& json, const MachineState& state) {
     throw std::invalid_argument(why);
   require_soon(state);
   const auto last = session_.last(state.machine);
+  const std::uint64_t before = session_.changes();
   const StepResult step = feed(state);
-  if (last && last->time_s && state.time_s && *state.time_s < *last->time_s && !step.ok())
+  if (last && last->time_s && state.time_s && *state.time_s < *last->time_s && !step.ok() &&
+      session_.changes() == before)
     throw std::invalid_argument(step.why + "; if its clock was ahead and is right now, " +
                                 how_to_set_clock(state.machine));
-  if (!step.ok()) throw std::runtime_error(step.why);
+  require_made(step, before);
   Json answer = answer_to(step, state.machine);
   if (wants_force) {
     const Wrench all = session_.resistance(state.machine).total();
@@ -156,8 +169,9 @@ Json LiveSite::place(const MachineState& state) {
   StepResult step;
   step.update.bucket_m3 = session_.ledger(state.machine).bucket_m3();
   if (in_air) {
-    step = taken(state, session_.place(state));
-    if (!step.ok()) throw std::runtime_error(step.why);
+    const std::uint64_t before = session_.changes();
+    step = taken(state, session_.place(state), before);
+    require_made(step, before);
   } else if (state.base) {
     feeds_[state.machine].driven_to = state.base;
   }
@@ -170,6 +184,7 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
   std::optional<std::uint64_t> number;
   std::size_t machine = 0, content = 0;
   std::uint64_t missed = 0;
+  not_on_disk_.clear();
   const auto numbered = [&](Json& answer) {
     if (number) answer["sequence"] = *number;
     if (missed > 0) answer["missed"] = missed;
@@ -178,6 +193,7 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
     const nlohmann::json json = object_of(line);
     if (json.contains("clock")) {
       reset_clock(json);
+      require_on_disk();
       return line_of({{"machine", json["machine"].get<std::string>()}, {"clock", "reset"}});
     }
     std::vector<double> joints;
@@ -190,7 +206,12 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
     if (const auto given = sequence_of(json)) {
       content = std::hash<nlohmann::json>()(json);
       const SequenceCheck::Place place = of.sequence.check(*given, content);
-      if (!place.answer_given.empty()) return place.answer_given;
+      if (!place.answer_given.empty()) {
+        if (source) of.source = source;  // after its link broke off it goes on by this one
+        if (const std::string why = session_.recording_fault(); !why.empty())
+          throw std::runtime_error(why);  // it may not be on disk
+        return place.answer_given;
+      }
       number = given;
       missed = place.missed;
     }
@@ -208,6 +229,7 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
       again["repeated"] = true;
       of.sequence.taken(*number, content, line_of(again));
     }
+    require_on_disk();
     for (const std::string& warning : session_.take_warnings()) answer["warning"] = warning;
     return line_of(answer);
   } catch (const std::exception& e) {

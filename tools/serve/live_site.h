@@ -142,7 +142,12 @@ class LiveSite {
   nlohmann::ordered_json dig(const nlohmann::json& json, const MachineState& state);
   /// As dig() of a state whose position is not good enough, or follows such a state.
   nlohmann::ordered_json place(const MachineState& state);
-  StepResult taken(const MachineState& state, StepResult step);
+  /// Counts what a step changed, also if its record waits for room on the disk.
+  /// @param before changes of the session before it
+  StepResult taken(const MachineState& state, StepResult step, std::uint64_t before);
+  /// @throw std::runtime_error if the step changed nothing
+  void require_made(const StepResult& step, std::uint64_t before);
+  void require_on_disk() const;
   nlohmann::ordered_json answer_to(const StepResult& step, std::size_t machine);
   bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
@@ -169,6 +174,7 @@ class LiveSite {
   std::uint64_t undos_ = 0;
   std::uint64_t changes_of_past_ = 0;
   std::int64_t hauled_ = 0;  ///< so far, units of mass
+  std::string not_on_disk_;  ///< why the last state, which was taken, is not on disk
   ChangeBefore before_;
   bool recorded_ = false;
   std::function<void(std::size_t)> after_state_;

@@ -270,6 +270,9 @@ class Session {
   ///        recorded update gives another result
   io::JournalExtent record(const Recording& recording,
                            const std::function<void(const io::JournalExtent&)>& progress = {});
+  /// Number of changes so far. A change whose record the disk had no room for counts, too: it is
+  /// refused by its result if `sync_s` is 0, and recorded later if the recording waits for room.
+  std::uint64_t changes() const;
   /// Why updates can't be recorded now; empty if they can, or need not be.
   std::string recording_fault() const;
   /// The part of the recording that is certainly on disk.
