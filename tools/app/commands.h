@@ -64,7 +64,9 @@ struct ServeOptions {
   std::optional<std::filesystem::path> drape;     ///< orthophoto or map
   std::optional<std::filesystem::path> boundary;  ///< corners that machines must not leave
   bool feed_stdin = false;
-  bool ros = false;  ///< exchange messages with nodes of ROS 2
+  bool ros = false;                 ///< exchange messages with nodes of ROS 2
+  std::optional<std::string> mqtt;  ///< broker of MQTT, and topic
+  std::optional<std::filesystem::path> mqtt_password_file;
 };
 void serve(const ServeOptions& options);
 

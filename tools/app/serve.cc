@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <regex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -284,6 +285,42 @@ RosOptions ros_options(const io::Scenario& scenario) {
   return ros;
 }
 
+/// The broker, with the password of a file or the environment. @param name of the scenario
+MqttOptions mqtt_options(const ServeOptions& options, const std::string& name) {
+  const std::string& address = *options.mqtt;
+  static const std::regex kForm(
+      R"((mqtts?://)?(?:([^@/:]+)@)?(?:\[([^\]/]+)\]|([^@/:\[]+))(?::([0-9]{1,5}))?(?:/([^+#]+))?)");
+  std::smatch parts;
+  constexpr int kMostPort = 65535, kPort = 1883, kTlsPort = 8883;
+  if (!std::regex_match(address, parts, kForm))
+    throw io::InputError(fmt::format(
+        "--mqtt {} must be a HOST, or of the form mqtts://USER@HOST:PORT/TOPIC, where each part "
+        "but "
+        "HOST may be left out, and TOPIC has no + or #; a password is not part of it, but in "
+        "--mqtt-password-file or SOILVDB_MQTT_PASSWORD",
+        io::printable(address.substr(address.rfind('@') + 1))));
+  MqttOptions mqtt{parts[3].matched ? parts[3] : parts[4], parts[6]};
+  mqtt.tls = parts[1] == "mqtts://";
+  mqtt.port = parts[5].matched ? std::stoi(parts[5]) : mqtt.tls ? kTlsPort : kPort;
+  mqtt.user = parts[2];
+  if (mqtt.port < 1 || mqtt.port > kMostPort)
+    throw io::InputError(fmt::format("--mqtt: the port is {}; it must be 1 to 65535", mqtt.port));
+  if (mqtt.topic.empty()) {
+    mqtt.topic = "soilvdb/" + name;
+    std::replace_if(
+        mqtt.topic.begin(), mqtt.topic.end(), [](char c) { return c == '+' || c == '#'; }, '_');
+  }
+  if (options.mqtt_password_file) {
+    mqtt.password = io::read_text(*options.mqtt_password_file, kMostToken_bytes);
+    mqtt.password.erase(mqtt.password.find_last_not_of("\r\n") + 1);
+  } else if (const char* value = std::getenv("SOILVDB_MQTT_PASSWORD")) {
+    mqtt.password = value;
+  }
+  if (!mqtt.password.empty() && mqtt.user.empty())
+    throw io::InputError("--mqtt has a password, but of whom? Write USER@ before the host");
+  return mqtt;
+}
+
 /// The command that goes on with a site. Tokens must be given again.
 std::string command_again(const ServeOptions& options) {
   std::string command = "soilvdb serve " + io::shell_quoted(options.scenario);
@@ -304,6 +341,8 @@ std::string command_again(const ServeOptions& options) {
   if (options.public_view) command += " --public-view";
   if (options.feed_stdin) command += " --stdin";
   if (options.ros) command += " --ros";
+  add("--mqtt", options.mqtt);
+  add("--mqtt-password-file", options.mqtt_password_file);
   return command;
 }
 
@@ -323,6 +362,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   all.raster_cell_m = scenario.raster_cell_m;
   all.drape = drape_of(options.drape, site.session().site());
   if (options.ros) all.ros = ros_options(scenario);
+  if (options.mqtt) all.mqtt = mqtt_options(options, scenario.name);
   const auto design = open_design(options.design, site.session().site());
   stop_on_signals();  // files take long to read; nothing is written yet
   Recording recording = site.session().recording();
@@ -354,6 +394,10 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
                     counted(static_cast<double>(all.ros->machines.size()), "machine"),
                     all.ros->only_this_computer ? "whoever is on this computer"
                                                 : "whoever reaches this domain"));
+  if (all.mqtt)
+    say(fmt::format("MQTT: broker {} port {}{}; whoever it lets publish below {}/feed may feed",
+                    io::printable(all.mqtt->host), all.mqtt->port, all.mqtt->tls ? " by TLS" : "",
+                    io::printable(all.mqtt->topic)));
   std::optional<Player> player;
   if (options.speed) player.emplace(site, scenario, *options.speed);
   if (options.feed_stdin)
@@ -385,12 +429,15 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
 
 void serve(const ServeOptions& options) {
   if (fs::is_directory(options.scenario) &&
-      (options.out || options.speed || options.feed_stdin || options.ros))
+      (options.out || options.speed || options.feed_stdin || options.ros || options.mqtt))
     throw io::InputError(
         options.scenario,
-        "is a folder, which can only be viewed; --out, --speed, --stdin and --ros need a scenario");
+        "is a folder, which can only be viewed; --out, --speed, --stdin, --ros and --mqtt need a "
+        "scenario");
   if (options.ros && options.speed)
     throw io::InputError("--ros and --speed both move machines; leave one of them out");
+  if (options.mqtt_password_file && !options.mqtt)
+    throw io::InputError("--mqtt-password-file needs --mqtt with the broker that it is for");
   const ServerOptions all = server_options(options);
   with_threads(0, [&](int) {
     if (fs::is_directory(options.scenario))

@@ -215,6 +215,14 @@ class CommandLine {
     sub->add_flag("--ros", serve_.ros,
                   "exchange messages with nodes of ROS 2: the topics of motions move machines, and "
                   "loads, forces and the ground are published");
+    sub->add_option("--mqtt", serve_.mqtt,
+                    "feed what is published below TOPIC/feed at a broker of MQTT, too: "
+                    "[mqtts://][USER@]HOST[:PORT][/TOPIC]. Default: port 1883, with mqtts:// and "
+                    "TLS 8883, and the topic soilvdb/<scenario name>")
+        ->type_name("BROKER");
+    sub->add_option("--mqtt-password-file", serve_.mqtt_password_file,
+                    "file with USER's password. Default: the variable SOILVDB_MQTT_PASSWORD")
+        ->type_name("FILE");
     sub->callback([this] { command_ = [this] { serve(serve_); }; });
   }
 

@@ -3,20 +3,13 @@
 #include "tools/serve/feed_lines.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "tools/serve/live_site.h"
 
 namespace soilvdb::tools {
-namespace {
-
-/// Longest work on lines before others have their turn.
-constexpr std::chrono::microseconds kLinesTurn{200};
-
-}  // namespace
 
 bool FeedLines::feed(const Feed& feed) {
-  const auto until = std::chrono::steady_clock::now() + kLinesTurn;
+  const auto until = std::chrono::steady_clock::now() + kFeedTurn;
   while (at_ < lines_.size()) {
     const std::size_t end = std::min(lines_.find('\n', at_), lines_.size());
     const std::string_view line = std::string_view(lines_).substr(at_, end - at_);

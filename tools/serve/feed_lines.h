@@ -3,6 +3,7 @@
 // The lines of a feed's message, or of a post.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <functional>
 #include <string>
@@ -10,6 +11,9 @@
 #include <utility>
 
 namespace soilvdb::tools {
+
+/// Longest work of a feed before others have their turn.
+inline constexpr std::chrono::microseconds kFeedTurn{200};
 
 /// Feeds lines one after another, in turns, so that other clients have theirs in between.
 class FeedLines {

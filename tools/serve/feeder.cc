@@ -15,9 +15,8 @@ namespace net = boost::asio;
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 
-/// Silence after which a client is asked, and after which it is lost. Viewers must know within 5 s,
-/// and they are told once a second. After a minute its connection is closed.
-constexpr double kAsk_s = 1, kLost_s = 3.8, kGone_s = 60;
+/// Silence after which a client is asked, and after which its connection is closed.
+constexpr double kAsk_s = 1, kGone_s = 60;
 constexpr std::size_t kMostRead = 64 << 10;
 
 }  // namespace

@@ -17,8 +17,6 @@
 
 namespace soilvdb::tools {
 
-inline constexpr std::size_t kMostFeed = 64 << 10;  ///< bytes of a message of a feed
-
 /// "127.0.0.1:40000": where a feed comes from.
 std::string name_of(const boost::asio::ip::tcp::socket& socket);
 

@@ -25,9 +25,7 @@ namespace {
 namespace net = boost::asio;
 using Json = nlohmann::ordered_json;
 
-constexpr double kSilent_s = 3.8;  // as of other feeds
 constexpr std::chrono::seconds kMapEvery{1}, kRefuseEvery{10};
-constexpr std::chrono::microseconds kRosTurn{200};  // as of other feeds, before others have theirs
 
 std::int64_t now_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -89,7 +87,7 @@ void RosBridge::work() {
     for (Dds::Message& message : dds_->take()) waiting_.push_back(std::move(message));
   const bool any = !waiting_.empty();
   for (const std::string& warning : dds_->take_warnings()) say("warning: ROS 2: " + warning);
-  const auto until = Clock::now() + kRosTurn;
+  const auto until = Clock::now() + kFeedTurn;
   do {
     if (!waiting_.empty()) {
       take(waiting_.front());
@@ -172,7 +170,7 @@ void RosBridge::listen(std::chrono::duration<double> passed) {
     fed.silent_s += passed.count();
     const bool is_there = std::all_of(fed.movers.begin(), fed.movers.end(),
                                       [&](std::size_t input) { return dds_->senders(input) > 0; });
-    if (!is_there || fed.silent_s >= kSilent_s) set_link(fed, FeedSource::Link::kLost);
+    if (!is_there || fed.silent_s >= kLost_s) set_link(fed, FeedSource::Link::kLost);
   }
 }
 

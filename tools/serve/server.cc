@@ -303,6 +303,7 @@ void ServerState::tick() {
     ros->work();
     ros->listen(passed);
   }
+  if (mqtt) mqtt->work(passed);
   if (!viewers.empty() || recording || ros) follow_ground();
   const auto since = now - told;
   if (!viewers.empty() &&
@@ -336,6 +337,7 @@ Server::Server(LiveSite& site, std::unique_ptr<History> history,
   const std::string all = url();
   state_->input->name = "standard input";
   if (options.ros) state_->ros = std::make_unique<RosBridge>(*state_, *options.ros);
+  if (options.mqtt) state_->mqtt = std::make_unique<MqttBridge>(*state_, *options.mqtt);
   site.set_address(
       options.token.empty() ? "curl -X POST" : "curl -X POST -H 'Authorization: Bearer TOKEN'",
       all.substr(0, all.find('#')));
@@ -401,7 +403,8 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
     s.recording->finish(*s.beside);
   }
   s.beside.reset();
-  s.ros.reset();  // says goodbye, also if a thread that reads lines keeps this server
+  s.ros.reset();  // say goodbye, also if a thread that reads lines keeps this server
+  s.mqtt.reset();
 }
 
 std::string Server::feed(std::string line) {

@@ -14,6 +14,7 @@
 #include "soilvdb/initial_terrain.h"
 #include "tools/serve/history.h"
 #include "tools/serve/live_site.h"
+#include "tools/serve/mqtt_bridge.h"
 #include "tools/serve/ros_bridge.h"
 
 namespace soilvdb::inline v0::io {
@@ -41,6 +42,7 @@ struct ServerOptions {
   std::filesystem::path mcap_folder = {};       ///< empty: no MCAP is recorded
   bool mcap_forces = false;                     ///< with the soil's forces on buckets
   std::optional<RosOptions> ros = {};           ///< empty: no ROS 2
+  std::optional<MqttOptions> mqtt = {};         ///< empty: no MQTT
   std::filesystem::path measures = {};  ///< file of measures that have names; empty: none stay
 };
 
@@ -51,7 +53,7 @@ class Server {
   /// Opens the port.
   /// @param history null: no history
   /// @param design null: no design
-  /// @throw io::InputError if it can't listen; std::exception if ROS 2 can't be had
+  /// @throw io::InputError if it can't listen; std::exception if ROS 2 or MQTT can't be had
   Server(LiveSite& site, std::unique_ptr<History> history,
          std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
   ~Server();

@@ -27,6 +27,7 @@
 #include "tools/serve/live_heights.h"
 #include "tools/serve/live_mcap.h"
 #include "tools/serve/measures.h"
+#include "tools/serve/mqtt_bridge.h"
 #include "tools/serve/progress.h"
 #include "tools/serve/query_lane.h"
 #include "tools/serve/ros_bridge.h"
@@ -200,6 +201,7 @@ struct ServerState {
   // The last members end first.
   std::unique_ptr<LiveMcap> recording;  ///< null: no recording
   std::unique_ptr<RosBridge> ros;       ///< null: no ROS 2
+  std::unique_ptr<MqttBridge> mqtt;     ///< null: no MQTT
   /// Queries that have not begun at the end get no answer. A query of one place waits for no large
   /// one, and a query of the live ground for none of another time.
   std::optional<LiveHeights> place_heights, heights;  ///< during run()
