@@ -18,6 +18,7 @@
 #include <thread>
 #include <vector>
 
+#include "hex.h"
 #include "messages.h"
 
 namespace {
@@ -50,23 +51,6 @@ Result check(Result result, const char* what) {
   if (result >= 0) return result;
   std::cerr << what << ": " << dds_strretcode(-static_cast<dds_return_t>(result)) << std::endl;
   std::exit(1);
-}
-
-std::string hex_of(const std::string& bytes) {
-  static const char* const digits = "0123456789abcdef";
-  std::string hex;
-  for (const char c : bytes) {
-    hex += digits[static_cast<unsigned char>(c) >> 4];
-    hex += digits[c & 15];
-  }
-  return hex;
-}
-
-std::string bytes_of(const std::string& hex) {
-  std::string bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
-    bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
-  return bytes;
 }
 
 void on_data(dds_entity_t reader, void* arg) {

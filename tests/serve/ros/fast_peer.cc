@@ -27,6 +27,8 @@
 #include <thread>
 #include <vector>
 
+#include "hex.h"
+
 namespace {
 
 namespace fast = eprosima::fastdds::dds;
@@ -39,23 +41,6 @@ std::mutex output;
 void print(const std::string& line) {
   const std::scoped_lock lock(output);
   std::cout << line << std::endl;
-}
-
-std::string hex_of(const std::string& bytes) {
-  static const char* const digits = "0123456789abcdef";
-  std::string hex;
-  for (const char c : bytes) {
-    hex += digits[static_cast<unsigned char>(c) >> 4];
-    hex += digits[c & 15];
-  }
-  return hex;
-}
-
-std::string bytes_of(const std::string& hex) {
-  std::string bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
-    bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
-  return bytes;
 }
 
 /// Bytes with their head, under the name of a type.
