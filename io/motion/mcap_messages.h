@@ -12,6 +12,10 @@
 
 namespace soilvdb::inline v0::io {
 
+/// What networks delay is bridged: gaps between two samples up to this long, and rows that are this
+/// far beyond a track's ends.
+inline constexpr std::int64_t kMostGap_ns = 1'000'000'000, kMostEnd_ns = 250'000'000;
+
 enum class McapType { kJointState, kPoseStamped, kOdometry, kTransforms };
 
 /// The ROS name, "sensor_msgs/JointState".

@@ -13,10 +13,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-// Gaps up to this long, or of a few usual intervals, are interpolated: busy networks delay messages
-// by a few intervals.
-constexpr std::int64_t kMostGap_ns = 1'000'000'000, kMostEnd_ns = 250'000'000;
-constexpr std::int64_t kMostGaps = 3;
+constexpr std::int64_t kMostGaps = 3;  // usual intervals: busy networks delay messages by a few
 
 std::vector<std::uint32_t> streams_of(const McapFacts& facts) {
   std::vector<std::uint32_t> all;

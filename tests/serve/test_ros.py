@@ -512,6 +512,7 @@ def test_a_reliable_topic_is_still_read_when_somebody_publishes_it_as_best_effor
     ("{topic: /pose}", ["--speed", "1"], {}, "--ros and --speed both move machines"),
     ("{topic: /pose}", [], {"ROS_DOMAIN_ID": "233"}, "ROS_DOMAIN_ID is '233'; it must be a whole number "
                                                      "from 0 to 232"),
+    ("{topic: /pose}", [], {"ROS_DOMAIN_ID": "1e1"}, "ROS_DOMAIN_ID is '1e1'; it must be a whole number"),
 ])
 def test_what_cannot_work_is_refused_before_anything_is_written(tmp_path, motion, arguments, env, why):
     path = pose_site(tmp_path, motion)
@@ -521,6 +522,46 @@ def test_what_cannot_work_is_refused_before_anything_is_written(tmp_path, motion
     said = [line for line in tried.stderr.splitlines() if "the page isn't built" not in line]
     assert tried.returncode == 2 and len(said) == 1 and why in said[0], tried.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_machines_whose_topics_would_be_the_same_are_refused(tmp_path, domain):
+    more = "".join(f"  - {{name: {name}, bucket: {BUCKET}}}\n" for name in ("a-b", "a_b")) + SOIL
+    path = pose_site(tmp_path, "{topic: /pose}", more)
+    tried = subprocess.run([PROGRAM, "serve", path, "--port", "0", "--ros", "--out", tmp_path / "out"], text=True,
+                           capture_output=True, timeout=60, env={**os.environ, "ROS_DOMAIN_ID": str(domain)})
+    both = "machines 'a-b' and '{}' would both have the topics /soilvdb/a_b of ROS 2; rename one of them"
+    assert tried.returncode == 2 and both.format("a_b") in tried.stderr, tried.stderr
+    assert not (tmp_path / "out").exists()
+    path.write_text(path.read_text().replace("name: a_b", "name: c"))
+    with serve(path, domain, tmp_path) as server:
+        def change(what):
+            status, (answer,) = server.post("/machines", [what])
+            return answer.get("error", status)
+        def added(name):
+            return {"add": {"name": name, "bucket": {"width": 1.0, "height": 0.6}}}
+        assert change(added("a_b")) == both.format("a_b") and change(added("a.b")) == both.format("a.b")
+        assert change({"rename": {"from": "c", "to": "a b"}}) == both.format("a b")
+        assert [machine["name"] for machine in server.json("/machines")["machines"]] == ["digger", "a-b", "c"]
+        # One may take the topics of another that is gone, which then can't come back.
+        assert change({"rename": {"from": "a-b", "to": "a_b"}}) == change({"retire": "a_b"}) == 200
+        assert change(added("a b")) == 200
+        assert change({"restore": "a_b"}) == both.replace("'a-b'", "'a b'").format("a_b")
+
+
+@pytest.mark.parametrize("form", ["text", "file"])
+@pytest.mark.parametrize("name", ["address='127.0.0.1'", 'name="lo"'])
+def test_this_computer_alone_may_be_named_twice(tmp_path, domain, form, name):
+    """As the variable of ROS and as the interface of a configuration; peers and the rest of it hold."""
+    config = (f"<CycloneDDS><Domain><General><Interfaces><NetworkInterface {name} multicast='false'/></Interfaces>"
+              "</General></Domain></CycloneDDS>")
+    (tmp_path / "dds.xml").write_text(config)
+    uri = config if form == "text" else f"file://{tmp_path / 'dds.xml'}"
+    path = pose_site(tmp_path, "{topic: /pose}")
+    with serve(path, domain, tmp_path, CYCLONEDDS_URI=uri) as server, Peer("cyclone", domain) as node:
+        node.writer("/pose", "geometry_msgs/PoseStamped")
+        (time_s, numbers), *_ = passing(3)
+        node.write("/pose", pose_stamped(text_of(time_s), numbers))
+        has_come_to(server, "digger", time_s)
 
 
 def test_a_build_without_dds_tells_how_to_get_it(tmp_path):

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
@@ -260,7 +259,8 @@ RosOptions ros_options(const io::Scenario& scenario) {
   if (const char* domain = std::getenv("ROS_DOMAIN_ID"); domain != nullptr && *domain != '\0') {
     constexpr double kMostDomain = 232;
     const std::optional<double> number = io::parse_number(domain);
-    if (!number || *number != std::floor(*number) || *number < 0 || *number > kMostDomain)
+    if (std::string_view(domain).find_first_not_of("0123456789") != std::string_view::npos ||
+        !number || *number > kMostDomain)
       throw io::InputError(
           fmt::format("ROS_DOMAIN_ID is '{}'; it must be a whole number from 0 to {}",
                       io::printable(domain), kMostDomain));

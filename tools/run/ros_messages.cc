@@ -41,6 +41,11 @@ std::string float_message(double value) {
   return cdr.bytes();
 }
 
+std::array<double, 6> wrench_numbers(const Wrench& wrench) {
+  const Vec3 &force = wrench.force, &moment = wrench.moment;
+  return {force.x(), force.y(), force.z(), moment.x(), moment.y(), moment.z()};
+}
+
 std::string wrench_message(double time_s, std::string_view frame,
                            const std::array<double, 6>& force) {
   io::CdrWriter cdr;

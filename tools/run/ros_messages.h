@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "io/mcap/cdr.h"
+#include "soilvdb/resistance.h"
 #include "soilvdb/types.h"
 #include "tools/run/elevation_map.h"
 
@@ -25,6 +26,8 @@ std::string transform_message(double time_s, std::string_view parent, std::strin
                               const Pose& parent_from_frame);
 /// A std_msgs/Float64.
 std::string float_message(double value);
+/// Force and moment.
+std::array<double, 6> wrench_numbers(const Wrench& wrench);
 /// A geometry_msgs/WrenchStamped. @param force and moment, N and N m
 std::string wrench_message(double time_s, std::string_view frame,
                            const std::array<double, 6>& force);

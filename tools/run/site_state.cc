@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "soilvdb/io/point_cloud.h"
+#include "tools/run/ros_messages.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -153,9 +154,8 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
     if (!records_force || !step.motion || model_->machines[step.machine].bucket.shape) return;
     if (!heights_) heights_.emplace(*site.ground);
     cut_geometry(step.machine, *heights_, cut_);
-    const Wrench force = cut_.resistance(SoilStrength::of(*model_->earthmoving.soil)).total();
-    std::array<double, 6>& six = made.back().force.emplace();
-    std::copy_n(force.moment.data(), 3, std::copy_n(force.force.data(), 3, six.begin()));
+    made.back().force =
+        tools::wrench_numbers(cut_.resistance(SoilStrength::of(*model_->earthmoving.soil)).total());
   };
   const std::size_t first_scan = model_->machines.size() + model_->earthmoving.pours.size();
   for (std::size_t i = 0; i < steps.size();) {

@@ -41,6 +41,9 @@ void Dds::write(std::size_t, std::string_view) {}
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <iterator>
+#include <regex>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -99,12 +102,33 @@ struct DdsLibrary {
 constexpr std::int32_t kMostUntaken = 1000;
 constexpr std::size_t kAlignment = 4;  // of the ends of messages in RTPS
 
+/// Does a configuration name the loopback interface, and no other? It must not be named twice.
+bool names_loopback(std::string config) {
+  constexpr std::string_view kFile = "file://";
+  if (config.starts_with(kFile)) {
+    std::ifstream file(config.substr(kFile.size()));
+    config.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  static const std::regex kInterface("<NetworkInterface\\b[^>]*>"),
+      kLoopback("\\b(address|name)\\s*=\\s*[\"'](127[.]0[.]0[.]1|lo)[\"']");
+  std::sregex_iterator each(config.begin(), config.end(), kInterface), end;
+  return each != end && std::all_of(each, end, [](const std::smatch& found) {
+           return std::regex_search(found.str(), kLoopback);
+         });
+}
+
 /// Without multicast, which loopback often lacks, participants of one computer ask each other.
-constexpr const char* kOnlyThisComputer =
-    "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast><Interfaces>"
-    "<NetworkInterface address=\"127.0.0.1\"/></Interfaces></General><Discovery>"
-    "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
-    "<Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
+/// @param more configuration of the user
+std::string config_of_this_computer(const std::string& more) {
+  return fmt::format(
+      "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast>{}</General><Discovery>"
+      "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32"
+      "</MaxAutoParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain>"
+      "</CycloneDDS>{}{}",
+      names_loopback(more) ? ""
+                           : "<Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces>",
+      more.empty() ? "" : ",", more);
+}
 
 /// A message. No type has keys, so that all messages of a topic belong to one instance.
 struct DdsSample : ddsi_serdata {
@@ -256,8 +280,7 @@ struct Dds::State {
       : topics(std::move(all)), wake(std::move(f)) {
     if (only_this_computer) {
       const char* more = std::getenv("CYCLONEDDS_URI");
-      const std::string config =
-          more == nullptr ? kOnlyThisComputer : fmt::format("{},{}", kOnlyThisComputer, more);
+      const std::string config = config_of_this_computer(more == nullptr ? "" : more);
       domain = dds.made(dds.dds_create_domain(static_cast<dds_domainid_t>(number), config.c_str()),
                         "a domain");
     }

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "soilvdb/resistance.h"
+#include "tools/run/ros_messages.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/text.h"
 
@@ -75,11 +76,9 @@ void LiveMcap::note_force(std::size_t machine) {
   Session& session = site_.session();
   if (session.machines()[machine].bucket.shape) return;  // it has no blade
   try {
-    const Wrench all = session.resistance(machine).total();
+    const std::array<double, 6> force = wrench_numbers(session.resistance(machine).total());
     const MachineState last = *session.last(machine);
-    ForceAt& now = news_.forces.emplace_back(
-        ForceAt{last.time_s ? *last.time_s : now_s(), machine, last.pose, {}});
-    std::copy_n(all.moment.data(), 3, std::copy_n(all.force.data(), 3, now.force.begin()));
+    news_.forces.push_back({last.time_s ? *last.time_s : now_s(), machine, last.pose, force});
   } catch (const std::exception& e) {  // the state was taken nevertheless
     say(fmt::format("warning: a force isn't recorded: {}", e.what()));
   }

@@ -8,12 +8,13 @@
 #include <atomic>
 #include <boost/asio/post.hpp>
 #include <exception>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "io/file/json.h"
 #include "io/file/text.h"
-#include "soilvdb/resistance.h"
+#include "soilvdb/io/error.h"
 #include "tools/run/ros_messages.h"
 #include "tools/run/text.h"
 #include "tools/serve/ros_types.h"
@@ -52,6 +53,7 @@ std::vector<DdsTopic> topics_of(const RosStates& states) {
 
 RosBridge::RosBridge(ServerState& state, const RosOptions& options)
     : state_(state), states_(options.machines), map_(*state.copy) {
+  require_topics({});
   for (const RosMachine& machine : options.machines) {
     Fed& fed = fed_.emplace_back(Fed{machine});
     fed.source->name = "ROS 2 topic " + io::printable(machine.topic.topic);
@@ -174,6 +176,29 @@ void RosBridge::listen(std::chrono::duration<double> passed) {
   }
 }
 
+void RosBridge::require_topics(const nlohmann::json& change) const {
+  const Session& session = state_.site.session();
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < session.machines().size(); ++i)
+    if (!session.is_retired(i)) names.push_back(session.machines()[i].name);
+  const auto text = [&](const char* pointer) {
+    const nlohmann::json::json_pointer at(pointer);
+    return change.contains(at) && change[at].is_string() ? change[at].get<std::string>() : "";
+  };
+  std::erase(names, text("/rename/from"));
+  for (const char* pointer : {"/add/name", "/rename/to", "/restore"})
+    if (const std::string name = text(pointer); !name.empty()) names.push_back(name);
+  std::map<std::string, std::string> by_topic;
+  for (const std::string& name : names) {
+    const auto [found, is_first] = by_topic.emplace(ros_name(name), name);
+    if (!is_first && found->second != name)
+      throw io::InputError(fmt::format(
+          "machines '{}' and '{}' would both have the topics /soilvdb/{} of ROS 2; rename one of "
+          "them",
+          io::printable(found->second), io::printable(name), found->first));
+  }
+}
+
 std::string RosBridge::frame_of(std::size_t machine) const {
   for (const Fed& fed : fed_)
     if (fed.of.machine == machine && !fed.of.topic.frame.empty()) return fed.of.topic.frame;
@@ -212,12 +237,10 @@ void RosBridge::publish(std::size_t machine, Told& told) {
   if (soil_moves) dds_->write(told.mass, float_message(session.bucket_kg(machine)));
   if (!has_force || !dds_->is_read(told.wrench)) return;
   try {
-    const Wrench all = session.resistance(machine).total();
+    const std::array<double, 6> force = wrench_numbers(session.resistance(machine).total());
     dds_->write(told.wrench,
                 wrench_message(last->time_s.value_or(static_cast<double>(host_ns()) * 1e-9),
-                               frame_of(machine),
-                               {all.force.x(), all.force.y(), all.force.z(), all.moment.x(),
-                                all.moment.y(), all.moment.z()}));
+                               frame_of(machine), force));
   } catch (const std::exception&) {  // no force is known here
   }
 }

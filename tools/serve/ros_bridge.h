@@ -9,6 +9,7 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -41,6 +42,9 @@ class RosBridge {
   RosBridge(const RosBridge&) = delete;
   RosBridge& operator=(const RosBridge&) = delete;
 
+  /// @param change of the list of machines, as in POST /machines; or nothing
+  /// @throw io::InputError if two machines would then share topics
+  void require_topics(const nlohmann::json& change) const;
   /// Feeds what came, and publishes loads and forces of machines that moved.
   void work();
   /// Call it often. @param passed time since the last call in which messages could be read

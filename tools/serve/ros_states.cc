@@ -16,11 +16,10 @@
 namespace soilvdb::tools {
 namespace {
 
-// As of recordings (io/motion/mcap_rows.cc): what networks delay is bridged, and no more.
-constexpr std::int64_t kMostBridged_ns = 1'000'000'000, kMostBeyond_ns = 250'000'000;
-constexpr std::int64_t kMostWait_ns = 250'000'000;
+constexpr std::int64_t kMostWait_ns = io::kMostEnd_ns;
 constexpr std::int64_t kMostLate_ns = 1'000'000'000;  // more means that a clock was set back
-constexpr std::size_t kTrackSamples = 1000, kMostFrames = 1000;
+constexpr std::size_t kTrackSamples = 1000;
+constexpr std::size_t kMostFrames = 1000, kMostFixedFrames = 10'000;  // which come only once
 constexpr double kUnit = 0.01;  // tolerance of a quaternion's norm, as of a row's
 
 /// A value isn't known at a stamp: not yet, or never.
@@ -175,33 +174,57 @@ bool RosStates::is_in_chain(const io::McapTopic& topic, std::string_view frame) 
   std::string_view child = topic.frame;
   for (std::size_t i = 0; i < kMostFrames && child != topic.parent; ++i) {
     if (child == frame) return true;
-    const auto found = frames->second.find(child);
-    if (found == frames->second.end()) return false;
+    const auto found = frames->second.named.find(child);
+    if (found == frames->second.named.end()) return false;
     child = found->second.parent;
   }
   return false;
+}
+
+bool RosStates::is_needed(const std::string& topic, std::string_view frame) const {
+  return std::any_of(machines_.begin(), machines_.end(), [&](const Machine& machine) {
+    const io::McapTopic* of = machine.of.chain ? machine.of.topic.base.get() : &machine.of.topic;
+    return of != nullptr && of->topic == topic && is_in_chain(*of, frame);
+  });
+}
+
+/// Of a tree of many robots, frames that move no machine make room. They come again.
+bool RosStates::make_room(const std::string& topic, bool fixed) {
+  Frames& frames = frames_[topic];
+  auto& named = frames.named;
+  const std::size_t count = fixed ? frames.fixed : named.size() - frames.fixed;
+  if (count < (fixed ? kMostFixedFrames : kMostFrames)) return true;
+  const auto found = std::find_if(named.begin(), named.end(), [&](const auto& one) {
+    return one.second.fixed == fixed && !is_needed(topic, one.first);
+  });
+  if (found == named.end()) return false;
+  named.erase(found);
+  frames.fixed -= fixed;
+  return true;
 }
 
 void RosStates::take_transform(const std::string& topic, bool fixed, const io::McapItem& item,
                                const Row& row) {
   const std::vector<std::string> names = io::split_names(item.names);
   Frames& frames = frames_[topic];
-  const auto known = frames.find(names[0]);
-  if (known == frames.end() && frames.size() >= kMostFrames) return;
-  Frame& frame = known != frames.end() ? known->second : frames[names[0]];
   std::string fault;
-  if (!is_pose(item))
+  if (!is_pose(item)) {
     fault = fmt::format(
         "the transform of frame '{}' has numbers that aren't finite, or a "
         "quaternion of another norm than 1",
         io::printable(names[0]));
-  else if (!frame.parent.empty() && frame.parent != names[1])
-    fault =
-        fmt::format("frame '{}' has the parent '{}', and now '{}'; it must have one parent",
-                    io::printable(names[0]), io::printable(frame.parent), io::printable(names[1]));
-  if (fault.empty()) {
+  } else {
+    if (!frames.named.contains(names[0]) && !make_room(topic, fixed)) return;
+    Frame& frame = frames.named[names[0]];
+    const auto& before = frame.track.samples;
+    if (frame.parent != names[1] && !before.empty()) {  // the latest holds, as tf2 has it
+      const std::int64_t late_ns = before.back().time_ns - row.time_ns;
+      if (late_ns > 0 && late_ns <= kMostLate_ns) return;
+      frame.track.samples.clear();
+    }
     frame.parent = names[1];
     if (fixed) frame.track.samples.clear();
+    frames.fixed = frames.fixed + fixed - frame.fixed;
     frame.fixed = fixed;
     Values values{};
     std::copy_n(item.values.begin(), kPoseNumbers, values.begin());
@@ -216,7 +239,7 @@ void RosStates::take_transform(const std::string& topic, bool fixed, const io::M
     }
     if (machine.of.chain || fixed) continue;
     // The frame nearest to the bucket that isn't fixed makes rows.
-    const auto& tree = frames_[topic];
+    const auto& tree = frames.named;
     std::string_view child = of->frame;
     for (auto link = tree.find(child); link != tree.end() && link->second.fixed;
          link = tree.find(child))
@@ -255,13 +278,14 @@ void RosStates::take_pose(const std::string& topic, const io::McapItem& item, co
 
 std::vector<const RosStates::Frame*> RosStates::links_of(const io::McapTopic& topic) const {
   std::vector<const Frame*> links;
-  const auto frames = frames_.find(topic.topic);
+  static const Frames kNone;
+  const auto tree = frames_.find(topic.topic);
+  const auto& frames = (tree != frames_.end() ? tree->second : kNone).named;
   std::string_view child = topic.frame;
   std::string way = "'" + io::printable(topic.frame) + "'";
   while (child != topic.parent) {
-    const auto found =
-        frames == frames_.end() ? Frames::const_iterator() : frames->second.find(child);
-    if (frames == frames_.end() || found == frames->second.end() || links.size() > kMostFrames)
+    const auto found = frames.find(child);
+    if (found == frames.end() || links.size() > kMostFrames)
       throw NotKnown(fmt::format("frame '{}' isn't below '{}' so far; its chain is {}",
                                  io::printable(topic.frame), io::printable(topic.parent), way),
                      true);
@@ -289,17 +313,18 @@ RosStates::Values RosStates::at(const Track& track, const Row& row, std::int64_t
   if (next == samples.end()) {
     const std::int64_t last_ns = samples.back().time_ns;
     const bool waited = now_ns - row.came_ns > kMostWait_ns;
-    if (!waited || at_ns - last_ns > kMostBeyond_ns) fail("its last value is of", last_ns, true);
+    if (!waited || at_ns - last_ns > io::kMostEnd_ns) fail("its last value is of", last_ns, true);
     return samples.back().values;
   }
   if (next->time_ns == at_ns) return next->values;
   if (next == samples.begin()) {
-    if (next->time_ns - at_ns > kMostBeyond_ns) fail("its first value is of", next->time_ns, false);
+    if (next->time_ns - at_ns > io::kMostEnd_ns)
+      fail("its first value is of", next->time_ns, false);
     return next->values;
   }
   const Track::Sample& before = *std::prev(next);
   const std::int64_t gap_ns = next->time_ns - before.time_ns;
-  if (gap_ns > kMostBridged_ns)
+  if (gap_ns > io::kMostGap_ns)
     fail("at most one second is bridged, and its value before that is of", before.time_ns, false);
   const double s = static_cast<double>(at_ns - before.time_ns) / static_cast<double>(gap_ns);
   if (pose)

@@ -79,7 +79,10 @@ class RosStates {
     bool fixed = false;
     Track track = {};
   };
-  using Frames = std::map<std::string, Frame, std::less<>>;
+  struct Frames {
+    std::map<std::string, Frame, std::less<>> named = {};
+    std::size_t fixed = 0;  ///< number of those that are fixed
+  };
   struct Poses {
     std::string frame;
     Track track = {};
@@ -107,6 +110,10 @@ class RosStates {
   /// The links from the frame up, or why they don't reach the parent.
   std::vector<const Frame*> links_of(const io::McapTopic& topic) const;
   bool is_in_chain(const io::McapTopic& topic, std::string_view frame) const;
+  /// Is a frame in the chain of a machine?
+  bool is_needed(const std::string& topic, std::string_view frame) const;
+  /// @return false if there are too many frames
+  bool make_room(const std::string& topic, bool fixed);
   Values at(const Track& track, const Row& row, std::int64_t now_ns, const std::string& what,
             bool angle, bool pose) const;
   Pose pose_at(const io::McapTopic& topic, const Row& row, std::int64_t now_ns) const;

@@ -242,6 +242,8 @@ void ServerState::follow_ground() {
 }
 
 Json ServerState::change_list(const std::string& list, const std::string& change) {
+  if (ros && list == "machines")
+    ros->require_topics(nlohmann::json::parse(change, nullptr, /*allow_exceptions=*/false));
   beside->finish();  // its jobs look at the machines
   Json answer = site.change_list(list, change);
   const Bytes site_now = description();
