@@ -123,9 +123,11 @@ struct MqttLink {
     library.mosquitto_subscribe_callback_set(
         client, [](mosquitto*, void* self, int, int, const int* granted) {
           auto& of = *static_cast<MqttLink*>(self);
-          const std::lock_guard lock(of.mutex);
           constexpr int kNotGranted = 128;
-          if (*granted == kNotGranted) of.warn("this site may not read " + of.topic("feed/+"));
+          if (*granted != kNotGranted)
+            return of.publish("link", R"({"link":"live"})", /*retain=*/true);
+          const std::lock_guard lock(of.mutex);
+          of.warn("this site may not read " + of.topic("feed/+"));
         });
     library.mosquitto_message_callback_set(
         client, [](mosquitto*, void* self, const mosquitto_message* message) {
@@ -157,10 +159,8 @@ struct MqttLink {
 
   /// The broker has answered.
   void came(int code) {
-    if (code == 0) {
+    if (code == 0)
       library.mosquitto_subscribe(client, nullptr, topic("feed/+").c_str(), kAtLeastOnce);
-      publish("link", R"({"link":"live"})", /*retain=*/true);
-    }
     const std::lock_guard lock(mutex);
     connected = code == 0;
     if (!connected)
