@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -28,7 +29,7 @@ std::string RayCounts::doubt() const {
 
 SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas,
                          std::shared_ptr<const SurveyedHeights> all_surveyed)
-    : surveyed(std::move(all_surveyed)), ground(g), map(g), changes(g) {
+    : surveyed(std::move(all_surveyed)), ground(g), map(g), view(g, map), changes(g) {
   changes.take();
   buckets = std::move(all_buckets);
   lip_sigmas_m = std::move(sigmas);
@@ -44,6 +45,7 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other,
       surveyed(std::move(all_surveyed)),
       ground(clone),
       map(clone, other.map),
+      view(clone, map),
       changes(clone, other.changes) {}
 
 void SurveyState::has_changed(const Coord2& cell) {
@@ -162,12 +164,15 @@ void SurveyState::read(SurveyTile& tile, How how) {
 
 void SurveyState::require_room(std::span<const Vec3> points_m) const {
   std::unordered_set<std::uint64_t> more;
+  const double cells = 1 / voxel_m(), x0 = ground.origin().x(), y0 = ground.origin().y();
+  Coord2 last = Coord2::Constant(std::numeric_limits<int>::max());
   for (const Vec3& point : points_m) {
-    const Vec3 at = ground.index_from_world(point);
-    if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) continue;
-    const std::uint64_t key =
-        plan_key(floor_to(Coord2(cell_of(at.x()), cell_of(at.y())), kChunkSide));
-    if (!tiles.contains(key)) more.insert(key);
+    const double x = (point.x() - x0) * cells, y = (point.y() - y0) * cells;
+    if (!(std::max(std::abs(x), std::abs(y)) < kMaxIndex)) continue;
+    const Coord2 tile = floor_to(Coord2(cell_of(x), cell_of(y)), kChunkSide);
+    if (tile == last) continue;
+    last = tile;
+    if (!tiles.contains(plan_key(tile))) more.insert(plan_key(tile));
   }
   if (tiles.size() + more.size() > kMaxSurveyTiles)
     throw std::invalid_argument(
@@ -237,9 +242,9 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
                                   text(kMostScanRangeM) + " m of the sensor");
   state_->require_room(points_m);
   const bool is_known = state_->known(sensor).has_value();
-  const std::vector<Vec3> ends = state_->unmasked(sensor, points_m, poses);
+  const ScanRays ends = state_->unmasked(sensor, points_m, poses);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.
-  if (is_known && ends.empty()) return;
+  if (is_known && ends.count() == 0) return;
   state_->refresh(false);
   state_->add_rays(sensor, state_->sensor_of(sensor), ends);
 }

@@ -7,27 +7,14 @@
 #include <optional>
 
 #include "core/constants.h"
+#include "core/lattice/affine.h"
 #include "core/survey/survey_state.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Does a ray meet a box before its end?
-bool meets(const Eigen::AlignedBox3d& box, const Vec3& from, const Vec3& to) {
-  double begin = 0, end = 1;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double way = to[axis] - from[axis];
-    if (way == 0) {
-      if (from[axis] < box.min()[axis] || from[axis] > box.max()[axis]) return false;
-      continue;
-    }
-    double near = (box.min()[axis] - from[axis]) / way, far = (box.max()[axis] - from[axis]) / way;
-    if (near > far) std::swap(near, far);
-    begin = std::max(begin, near);
-    end = std::min(end, far);
-  }
-  return begin <= end;
-}
+/// Ends of rays in plan, at so many at a time, meet the same bodies.
+constexpr std::size_t kRaysAtOnce = 256;
 
 /// The body of a bucket, in its frame, with what is about it.
 Eigen::AlignedBox3d body_of(const Bucket& bucket) {
@@ -38,136 +25,223 @@ Eigen::AlignedBox3d body_of(const Bucket& bucket) {
   return {box.min() - room, box.max() + room};
 }
 
-std::int64_t in_units(double value, double unit) { return std::llround(value / unit); }
+/// A box turned against the world, as rays from a place meet it.
+struct Body {
+  Body(const Eigen::AlignedBox3d& box, const Pose& pose, const Vec3& place) {
+    const Vec3 from = pose.inverse() * place;
+    const Eigen::Matrix3d turn = pose.rotation.toRotationMatrix().transpose();
+    for (int a = 0; a < 3; ++a) {
+      const auto n = static_cast<std::size_t>(a);
+      low[n] = static_cast<float>(box.min()[a] - from[a]);
+      high[n] = static_cast<float>(box.max()[a] - from[a]);
+      for (int k = 0; k < 3; ++k)
+        rows[n][static_cast<std::size_t>(k)] = static_cast<float>(turn(a, k));
+    }
+    for (int corner = 0; corner < 8; ++corner)
+      around.extend(
+          (pose * box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)) - place)
+              .cast<float>()
+              .eval());
+  }
+
+  std::array<float, 3> low, high;  // of the box from the place, in its frame, m
+  std::array<std::array<float, 3>, 3> rows;
+  Eigen::AlignedBox3f around;  // from the place, axes of the world
+};
+
+/// Marks rays that meet a body before their ends.
+SOILVDB_FOR_CPUS void mark_masked(const Body& body, const float* x, const float* y, const float* z,
+                                  const float* length, std::size_t count, std::uint8_t* masked) {
+  for (std::size_t i = 0; i < count; ++i) {
+    float begin = 0, end = length[i];
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::array<float, 3>& row = body.rows[a];
+      const float along = row[0] * x[i] + row[1] * y[i] + row[2] * z[i];
+      const float rate = 1 / (std::abs(along) < 1e-12f ? 1e-12f : along);
+      const float s = body.low[a] * rate, t = body.high[a] * rate;
+      begin = std::max(begin, std::min(s, t));
+      end = std::min(end, std::max(s, t));
+    }
+    masked[i] |= begin <= end ? 1 : 0;
+  }
+}
+
+std::int64_t in_units(float value, double unit) {
+  return std::lrint(static_cast<double>(value) / unit);
+}
 
 /// Of a residual or a height; what is farther is no residual.
 std::int64_t height_units(double height_m) {
-  return in_units(std::clamp(height_m, -kMostScanHeightM, kMostScanHeightM), kScanUnit_m);
+  return std::lrint(std::clamp(height_m, -kMostScanHeightM, kMostScanHeightM) / kScanUnit_m);
 }
-std::int64_t weight_of(double sigma_m) {
-  return std::max<std::int64_t>(1, std::llround(1 / (sigma_m * sigma_m)));
+std::int64_t weight_of(float sigma_m) {
+  return std::max<std::int64_t>(1, std::lrint(1 / (sigma_m * sigma_m)));
 }
 
+/// Takes the rays of a scan. Coordinates are from the sensor, m; cells from its own column.
 class Rays {
  public:
   Rays(SurveyState& state, const Sensor& sensor, int number)
-      : state_(state), sensor_(sensor), number_(number), h_(state.voxel_m()) {}
+      : state_(state),
+        from_(sensor.pose.position),
+        constant_(static_cast<float>(sensor.range_sigma_m)),
+        squared_(static_cast<float>(sensor.range_squared_sigma_per_m)),
+        number_(number),
+        h_(static_cast<float>(state.voxel_m())),
+        cells_(1 / h_) {
+    const Vec3 at = state.ground.index_from_world(from_);
+    is_near_ = at.head<2>().cwiseAbs().maxCoeff() < 2 * kMaxIndex;
+    if (!is_near_) return;
+    first_ =
+        floor_to(Coord2(cell_of(at.x()), cell_of(at.y())), kChunkSide) - Coord2::Constant(kReach);
+    for (int a = 0; a < 2; ++a)
+      at_[static_cast<std::size_t>(a)] = static_cast<float>(at[a] - first_[a] + 0.5);
+    level_ = state.ground.origin().z() - from_.z();
+  }
 
-  /// @param range_m to the ground as it is expected
-  void take(const Vec3& point, double range_m) {
-    const Vec3 way = point - sensor_.pose.position;
-    const double length = way.norm();
-    if (!(length > 0)) return;
-    const Vec3 along = way / length;
-    const double sigma =
-        sensor_.range_sigma_m + sensor_.range_squared_sigma_per_m * length * length;
+  struct Ray {
+    float x, y, z, length;  // direction; m
+  };
+
+  /// @param range to the ground as it is expected, m
+  void take(const Ray& ray, float range) {
+    const float sigma = constant_ + squared_ * ray.length * ray.length;
     RayCounts& rays = state_.rays;
-    if (range_m == 0) {  // the sensor is below the ground
+    if (range == 0 || !is_near_) {  // the sensor is below the ground
       ++rays.dropped;
       return;
     }
-    if (std::isfinite(range_m)) {
-      if (meet(along, length, range_m, sigma)) {
+    if (std::isfinite(range)) {
+      if (meet(ray, range, sigma)) {
         ++rays.used;
         return;
       }
-      if (length - range_m > kMostThroughM) {  // a mirror, such as water
+      if (ray.length - range > static_cast<float>(kMostThroughM)) {  // a mirror, such as water
         ++rays.dropped;
         return;
       }
-      if (length > range_m)
-        state_.through.push_back({sensor_.pose.position, point, range_m, sigma, state_.time});
+      if (ray.length > range)
+        state_.through.push_back({from_, from_ + double(ray.length) * Vec3(ray.x, ray.y, ray.z),
+                                  range, sigma, state_.time});
     }
-    if (!hit(point, along, length, sigma)) ++rays.dropped;
+    if (!hit(ray, sigma)) ++rays.dropped;
   }
 
  private:
-  Coord2 column_at(const Vec3& p) const {
-    const Vec3 at = state_.ground.index_from_world(p);
-    return {cell_of(at.x()), cell_of(at.y())};
-  }
-  bool is_near(const Vec3& p) const {
-    return state_.ground.index_from_world(p).head<2>().cwiseAbs().maxCoeff() < kMaxIndex;
-  }
-  SurveyTile& tile_of(const Coord2& column) {
-    const Coord2 cell = floor_to(column, kChunkSide);
-    if (last_ == nullptr || last_->cell != cell) {
-      last_ = &state_.tile(cell);
+  /// Tiles about the sensor that are found without a look-up, columns.
+  static constexpr int kReach = 512, kTiles = 2 * kReach / kChunkSide + 1;
+  struct Slot {
+    SurveyTile* tile = nullptr;
+    std::array<ScanSums, BaseColumn::kCells>* sums = nullptr;
+  };
+  /// A column that a place is in.
+  struct Place {
+    Slot* slot;
+    std::size_t i, quarter;
+    SurveyColumn& column() const { return slot->tile->columns[i]; }
+  };
+
+  /// @param x, y from the sensor, m @return whether it is near enough
+  bool find(float x, float y, Place& place) {
+    const float u = at_[0] + x * cells_, v = at_[1] + y * cells_;
+    const float low_u = std::floor(u), low_v = std::floor(v);
+    const auto cx = static_cast<int>(low_u), cy = static_cast<int>(low_v);
+    constexpr int kMask = kChunkSide - 1;
+    place.i = static_cast<std::size_t>((cx & kMask) * kChunkSide + (cy & kMask));
+    place.quarter = static_cast<std::size_t>(4 * static_cast<int>(4 * (u - low_u)) +
+                                             static_cast<int>(4 * (v - low_v)));
+    const int tx = cx >> 3, ty = cy >> 3;
+    if (tx >= 0 && ty >= 0 && tx < kTiles && ty < kTiles) {
+      place.slot = &near_[static_cast<std::size_t>(tx * kTiles + ty)];
+    } else {
+      const Coord2 cell = first_ + Coord2(cx, cy);
+      if (!(cell.cwiseAbs().maxCoeff() < static_cast<int>(kMaxIndex))) return false;
+      place.slot = &far_[plan_key({tx, ty})];
+    }
+    if (place.slot->tile == nullptr) {
+      const Coord2 cell = first_ + kChunkSide * Coord2(tx, ty);
+      if (!(cell.cwiseAbs().maxCoeff() < static_cast<int>(kMaxIndex))) return false;
+      place.slot->tile = &state_.tile(cell);
       state_.news.insert(SurveyState::mark(cell));
     }
-    return *last_;
+    return true;
   }
-  /// How a height that a ray measures errs with its sensor's mount.
-  std::array<std::int64_t, 4> sees(const Vec3& place, const Vec2& slope) const {
-    const Vec3 arm = place - sensor_.pose.position;
-    return {in_units(1, kScanLever_m), in_units(arm.x(), kScanLever_m),
-            in_units(arm.y(), kScanLever_m),
-            in_units(arm.z() - slope.dot(arm.head<2>()), kScanLever_m)};
+  /// How a height that a ray measures errs with its sensor's mount. @param arm from the sensor, m
+  static std::array<std::int64_t, 4> sees(float x, float y, float along) {
+    return {1000, in_units(x, kScanLever_m), in_units(y, kScanLever_m),
+            in_units(along, kScanLever_m)};
   }
+  static_assert(kScanLever_m == 1e-3);
   /// Area in plan that a ray stands for, on level ground.
-  static std::int64_t area_of(const Vec3& along, double length) {
-    return std::llround(kScanArea * length * length / std::max(std::abs(along.z()), kLeastDescent));
+  static std::int64_t area_of(const Ray& ray) {
+    return std::lrint(static_cast<float>(kScanArea) * ray.length * ray.length /
+                      std::max(std::abs(ray.z), static_cast<float>(kLeastDescent)));
   }
-  /// The quarter of its column that a place is in.
-  std::size_t quarter_of(const Vec3& p, const Coord2& cell) const {
-    const Vec2 in = state_.ground.index_from_world(p).head<2>() - cell.cast<double>();
-    const auto part = [](double at) {
-      return static_cast<std::size_t>(std::clamp(4 * (at + 0.5), 0.0, 3.0));
-    };
-    return 4 * part(in.x()) + part(in.y());
+  /// Of a height from the sensor above a column's first.
+  double above(const SurveyColumn& column, float z) const {
+    return static_cast<double>(z) - (level_ + static_cast<double>(h_) * column.first);
   }
 
   /// Did a ray end about where it was to meet the ground? Tells the column there.
-  bool meet(const Vec3& along, double length, double range_m, double sigma) {
-    const Vec3 place = sensor_.pose.position + range_m * along;
-    if (!is_near(place)) return false;
-    const Coord2 cell = column_at(place);
-    SurveyTile& tile = tile_of(cell);
-    const std::size_t i = SurveyState::number_of(cell);
-    SurveyColumn& column = tile.columns[i];
+  bool meet(const Ray& ray, float range, float sigma) {
+    Place met;
+    const float x = range * ray.x, y = range * ray.y;
+    if (!find(x, y, met)) return false;
+    SurveyColumn& column = met.column();
     if (std::isnan(column.top)) return false;
-    const Vec2& slope = tile.slopes[i];
-    const double descent = along.z() - slope.dot(along.head<2>());
-    const double residual = (length - range_m) * descent;
-    const double error = sigma * std::abs(descent) + kScanErrorM;
-    if (descent > -kLeastDescent || slope.squaredNorm() >= kScanWallSlope * kScanWallSlope)
-      return std::abs(length - range_m) < 3 * sigma + kWallGateM;  // which tells no height
-    if (std::abs(residual) >= 3 * error + std::max(kScanGateM, h_)) return false;
-    const std::int64_t r = height_units(residual) + height_units((column.top - column.first) * h_);
-    tile.sums[number_][i].add(weight_of(error), r, sees(place, slope));
+    const Vec2& slope = met.slot->tile->slopes[met.i];
+    const auto a = static_cast<float>(slope.x()), b = static_cast<float>(slope.y());
+    const float descent = ray.z - (a * ray.x + b * ray.y), off = ray.length - range;
+    constexpr auto kWall = static_cast<float>(kScanWallSlope * kScanWallSlope);
+    if (descent > -static_cast<float>(kLeastDescent) || a * a + b * b >= kWall)
+      return std::abs(off) < 3 * sigma + static_cast<float>(kWallGateM);  // tells no height
+    const float residual = off * descent;
+    const float error = sigma * std::abs(descent) + static_cast<float>(kScanErrorM);
+    if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_))
+      return false;
+    std::int64_t r = in_units(residual, kScanUnit_m);
+    if (column.top != column.first)
+      r += height_units((column.top - column.first) * state_.voxel_m());
+    if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
+    (*met.slot->sums)[met.i].add(weight_of(error), r, sees(x, y, range * descent));
     ++column.rays;
-    const Vec3 end = sensor_.pose.position + length * along;
-    if (is_near(end)) {
-      const Coord2 own_cell = column_at(end);
-      SurveyColumn& own = tile_of(own_cell).columns[SurveyState::number_of(own_cell)];
-      own.cells.add(quarter_of(end, own_cell), area_of(along, length));
-      if (!std::isnan(own.first)) own.height += height_units(end.z() - state_.first_m(own));
+    Place end;
+    if (find(ray.length * ray.x, ray.length * ray.y, end)) {
+      SurveyColumn& own = end.column();
+      own.cells.add(end.quarter, area_of(ray));
+      if (!std::isnan(own.first)) own.height += height_units(above(own, ray.length * ray.z));
     }
     return true;
   }
 
   /// A vote for the height at which a ray ended.
-  bool hit(const Vec3& point, const Vec3& along, double length, double sigma) {
-    if (!is_near(point)) return false;
-    const Coord2 cell = column_at(point);
-    SurveyTile& tile = tile_of(cell);
-    const std::size_t i = SurveyState::number_of(cell);
-    const double height = point.z() - state_.first_m(tile.columns[i]);
+  bool hit(const Ray& ray, float sigma) {
+    Place end;
+    const float x = ray.length * ray.x, y = ray.length * ray.y, z = ray.length * ray.z;
+    if (!find(x, y, end)) return false;
+    const double height = above(end.column(), z);
     if (!(std::abs(height) < kMostScanHeightM)) return false;
     const int bin = static_cast<int>(std::floor(height / kScanBinM));
-    ScanHits& hits = tile.votes[static_cast<int>(i)].hits[bin][number_];
+    ScanHits& hits = end.slot->tile->votes[static_cast<int>(end.i)].hits[bin][number_];
     ++hits.rays;
-    hits.cells.add(quarter_of(point, cell), area_of(along, length));
+    hits.cells.add(end.quarter, area_of(ray));
     hits.height += height_units(height);
-    hits.sums.add(weight_of(sigma * std::abs(along.z()) + kScanErrorM), 0, sees(point, {0, 0}));
+    hits.sums.add(weight_of(sigma * std::abs(ray.z) + static_cast<float>(kScanErrorM)), 0,
+                  sees(x, y, z));
     return true;
   }
 
   SurveyState& state_;
-  const Sensor& sensor_;
+  const Vec3 from_;
+  const float constant_, squared_;  // of a ray's sigma
   const int number_;
-  const double h_;
-  SurveyTile* last_ = nullptr;
+  const float h_, cells_;
+  bool is_near_ = false;
+  Coord2 first_ = {0, 0};         // column from which columns are counted
+  std::array<float, 2> at_ = {};  // the sensor from its corner
+  double level_ = 0;              // of index space, from the sensor, m
+  std::vector<Slot> near_ = std::vector<Slot>(std::size_t{kTiles} * kTiles);
+  std::unordered_map<std::uint64_t, Slot, PlanHash> far_;
 };
 
 }  // namespace
@@ -230,42 +304,58 @@ void SurveyState::see_through() {
   through.clear();
 }
 
-std::vector<Vec3> SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
-                                        std::span<const Pose* const> poses) {
-  struct Body {
-    Eigen::AlignedBox3d box;
-    Eigen::Matrix3d rotation;  // bucket from world
-    Vec3 offset, from;         // from: the sensor, in the bucket
-  };
+ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
+                               std::span<const Pose* const> poses) {
+  const Vec3& from = sensor.pose.position;
   std::vector<Body> bodies;
-  for (std::size_t m = 0; m < poses.size(); ++m) {
-    if (poses[m] == nullptr) continue;
-    const Pose inverse = poses[m]->inverse();
-    bodies.push_back({body_of(buckets[m]), inverse.rotation.toRotationMatrix(), inverse.position,
-                      inverse * sensor.pose.position});
-  }
-  std::vector<Vec3> ends;
-  for (const Vec3& point : points_m) {
-    const bool masked = std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
-      return meets(body.box, body.from, body.rotation * point + body.offset);
-    });
-    if (masked) {
-      ++rays.masked;
-    } else if ((point - sensor.pose.position).squaredNorm() > 0) {
-      ends.push_back(point);
+  for (std::size_t m = 0; m < poses.size(); ++m)
+    if (poses[m] != nullptr) bodies.emplace_back(body_of(buckets[m]), *poses[m], from);
+  ScanRays all;
+  all.resize(points_m.size());
+  std::size_t count = 0;
+  std::array<std::uint8_t, kRaysAtOnce> masked;
+  for (std::size_t begin = 0; begin < points_m.size(); begin += kRaysAtOnce) {
+    const std::size_t first = count;
+    Eigen::AlignedBox3f around(Eigen::Vector3f::Zero());
+    for (const Vec3& point :
+         points_m.subspan(begin, std::min(kRaysAtOnce, points_m.size() - begin))) {
+      const Vec3 way = point - from;
+      const double length = way.norm();
+      if (length == 0) continue;
+      const Vec3 along = way / length;
+      all.x[count] = static_cast<float>(along.x());
+      all.y[count] = static_cast<float>(along.y());
+      all.z[count] = static_cast<float>(along.z());
+      all.length_m[count] = static_cast<float>(length);
+      ++count;
+      around.extend(way.cast<float>());
     }
+    masked.fill(0);
+    bool any = false;
+    for (const Body& body : bodies) {
+      if (!around.intersects(body.around)) continue;
+      any = true;
+      mark_masked(body, &all.x[first], &all.y[first], &all.z[first], &all.length_m[first],
+                  count - first, masked.data());
+    }
+    if (!any) continue;
+    const std::size_t end = count;
+    count = first;
+    for (std::size_t i = first; i < end; ++i)
+      if (masked[i - first] == 0) all.copy(i, count++);
+    rays.masked += static_cast<std::int64_t>(end - count);
   }
-  return ends;
+  all.resize(count);
+  return all;
 }
 
-void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec3> ends) {
-  std::vector<Vec3> ways;
-  for (const Vec3& end : ends) ways.push_back(end - sensor.pose.position);
-  std::vector<double> ranges(ways.size());
-  map.cast(std::span(&sensor.pose.position, 1), ways, ranges).check();
-  is_solved = is_solved && ends.empty();
+void SurveyState::add_rays(const Sensor& sensor, int number, const ScanRays& ends) {
+  std::vector<float> ranges(ends.count());
+  view.ranges(sensor.pose.position, ends, ranges);
+  is_solved = is_solved && ends.count() == 0;
   Rays all(*this, sensor, number);
-  for (std::size_t i = 0; i < ends.size(); ++i) all.take(ends[i], ranges[i]);
+  for (std::size_t i = 0; i < ends.count(); ++i)
+    all.take({ends.x[i], ends.y[i], ends.z[i], ends.length_m[i]}, ranges[i]);
 }
 
 }  // namespace soilvdb::inline v0

@@ -14,6 +14,7 @@
 
 #include "core/surface/height_reader.h"
 #include "core/survey/common_errors.h"
+#include "core/survey/ground_view.h"
 #include "core/survey/survey_tiles.h"
 #include "soilvdb/height_map.h"
 #include "soilvdb/survey.h"
@@ -113,9 +114,9 @@ struct SurveyState : SurveyRecord {
 
   // scan_rays.cc
   /// The ends of rays that meet no bucket; counts the others.
-  std::vector<Vec3> unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
-                             std::span<const Pose* const> poses);
-  void add_rays(const Sensor& sensor, int number, std::span<const Vec3> ends);
+  ScanRays unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
+                    std::span<const Pose* const> poses);
+  void add_rays(const Sensor& sensor, int number, const ScanRays& ends);
 
   // survey_solution.cc
   /// Variance of a column's own height, before any scan, m^2.
@@ -188,6 +189,7 @@ struct SurveyState : SurveyRecord {
   std::shared_ptr<const SurveyedHeights> surveyed;  // null: there are no surveys
   Ground& ground;
   HeightMap map;
+  GroundView view;
   ChangeFollower changes;
 };
 
