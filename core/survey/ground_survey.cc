@@ -153,7 +153,7 @@ void SurveyState::read(SurveyTile& tile, How how) {
         if (how == How::kChanged) rays.dropped += votes->second.rays() - votes->second.told;
         tile.votes.erase(votes);
       }
-      column.rays = column.height = 0;
+      column.rays = column.height = column.blind = 0;
       column.cells = {};
       column.prior = -1;
     }

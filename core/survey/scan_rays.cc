@@ -193,8 +193,12 @@ class Rays {
     const auto a = static_cast<float>(slope.x()), b = static_cast<float>(slope.y());
     const float descent = ray.z - (a * ray.x + b * ray.y), off = ray.length - range;
     constexpr auto kWall = static_cast<float>(kScanWallSlope * kScanWallSlope);
-    if (descent > -static_cast<float>(kLeastDescent) || a * a + b * b >= kWall)
-      return std::abs(off) < 3 * sigma + static_cast<float>(kWallGateM);  // tells no height
+    Place end;
+    if (descent > -static_cast<float>(kLeastDescent) || a * a + b * b >= kWall) {
+      if (!(std::abs(off) < 3 * sigma + static_cast<float>(kWallGateM))) return false;
+      if (find(ray.length * ray.x, ray.length * ray.y, end)) ++end.column().blind;
+      return true;
+    }
     const float residual = off * descent;
     const float error = sigma * std::abs(descent) + static_cast<float>(kScanErrorM);
     if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_))
@@ -205,7 +209,6 @@ class Rays {
     if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
     (*met.slot->sums)[met.i].add(weight_of(error), r, sees(x, y, range * descent));
     ++column.rays;
-    Place end;
     if (find(ray.length * ray.x, ray.length * ray.y, end)) {
       SurveyColumn& own = end.column();
       own.cells.add(end.quarter, area_of(ray));

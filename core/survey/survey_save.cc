@@ -13,7 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 3;
+constexpr std::uint32_t kSurveyFormat = 4;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -64,7 +64,7 @@ void put_column(std::string& out, const SurveyColumn& column) {
     put(out, value);
   put_number(out, column.origin);
   put(out, column.changed);
-  for (const std::int64_t value : {column.rays, column.height}) put(out, value);
+  for (const std::int64_t value : {column.rays, column.height, column.blind}) put(out, value);
   put_cells(out, column.cells);
 }
 void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origins) {
@@ -77,6 +77,7 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
   take(in, column.changed);
   take_amount(in, column.rays);
   take(in, column.height);
+  take_amount(in, column.blind);
   take_cells(in, column.cells);
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -154,6 +155,8 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
 
 namespace {
 
+using Heights = SurveyState::Heights;
+
 /// Heights of a column by what rays say of its quarters.
 struct Vote {
   double height = 0;      ///< mean above the column's `first`, m
@@ -187,8 +190,11 @@ int extent_of(const std::array<std::int64_t, 16>& areas) {
 /// What hits say of a column, if enough of them agree. An edge may go through a column, so heights
 /// are taken by its quarters along both axes. Hits on the face of a wall lie above each other, and
 /// so reach over few of these: they are left out.
-std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
-  const std::int64_t all = column.cells.rays + votes.rays();
+/// @param wall heights above the column's `first`, m, of rays that are of no new ground
+std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
+                         const std::optional<Heights>& wall) {
+  const std::int64_t expected = column.cells.rays + column.blind;
+  const std::int64_t all = expected + votes.rays();
   std::map<int, std::int64_t> left;  // rays by bin
   for (const auto& [bin, hits] : votes.hits)
     for (const auto& [sensor, of_sensor] : hits) left[bin] += of_sensor.rays;
@@ -222,6 +228,9 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
          last, level.areas, level.rays});
     for (int bin = first; bin <= last; ++bin) left.erase(bin);
   }
+  std::erase_if(heights, [&](const Height& height) {
+    return wall && height.mean > wall->low - kScanBinM && height.mean < wall->high + kScanBinM;
+  });
   if (heights.empty()) return {};
   if (column.cells.rays > 0) {
     const double old =
@@ -238,7 +247,7 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
     }
   }
   int widest = 0;
-  std::int64_t most_rays = 0;
+  std::int64_t most_rays = expected;
   for (const Height& height : heights) {
     widest = std::max(widest, extent_of(height.areas));
     most_rays = std::max(most_rays, height.rays);
@@ -283,10 +292,46 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
 
 }  // namespace
 
+std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
+                                                         std::size_t i) const {
+  const int at = static_cast<int>(i);
+  const double h = voxel_m(), first = tile.columns[i].first;
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  Heights wall = {kNone, -kNone};
+  for (int dx = -1; dx <= 1; ++dx) {
+    for (int dy = -1; dy <= 1; ++dy) {
+      const Coord2 cell = tile.cell + Coord2(at / kChunkSide + dx, at % kChunkSide + dy);
+      const auto found = tiles.find(plan_key(floor_to(cell, kChunkSide)));
+      if (found == tiles.end()) continue;
+      const std::size_t n = number_of(cell);
+      const auto votes = found->second.votes.find(static_cast<int>(n));
+      if (votes != found->second.votes.end() && votes->second.through >= kScanVotes) return {};
+      // What scans found before may be half of what is there.
+      const SurveyColumn& column = found->second.columns[n];
+      if (std::isnan(column.top) || column.origin == kSurveyed) continue;
+      wall.low = std::min(wall.low, h * (column.top - first));
+      wall.high = std::max(wall.high, h * (column.top - first));
+    }
+  }
+  if (wall.high - wall.low < 2 * h * kScanWallSlope) return {};
+  return wall;
+}
+
 /// Columns of which enough rays say that they have another height get that. What too few rays say
 /// is kept, until there are so many that enough of them would have agreed.
 void SurveyState::take_votes() {
   see_through();
+  // All are looked at before any is decided, so that no direction shows.
+  std::vector<std::optional<Vote>> decisions;
+  for (const auto& cell : news) {
+    const SurveyTile& tile = marked(cell);
+    for (const auto& [n, votes] : tile.votes) {
+      const auto i = static_cast<std::size_t>(n);
+      const SurveyColumn& column = tile.columns[i];
+      if (!std::isnan(column.top)) decisions.push_back(vote(column, votes, wall_at(tile, i)));
+    }
+  }
+  auto decision = decisions.begin();
   for (const auto& cell : news) {
     SurveyTile* tile = &marked(cell);
     std::map<int, ScanVotes> undecided;
@@ -294,7 +339,7 @@ void SurveyState::take_votes() {
       const auto i = static_cast<std::size_t>(n);
       SurveyColumn& column = tile->columns[i];
       if (std::isnan(column.top)) continue;
-      std::optional<Vote> now = vote(column, votes);
+      std::optional<Vote> now = std::move(*decision++);
       const std::int64_t fresh = votes.rays() - votes.told;
       const std::int64_t added = now ? std::min(now->rays, fresh) : 0;
       rays.added += added;
@@ -306,7 +351,7 @@ void SurveyState::take_votes() {
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {
         votes.told += fresh;
-        votes.others += std::max(column.rays, column.cells.rays);
+        votes.others += std::max(column.rays, column.cells.rays + column.blind);
         const std::int64_t all = votes.told + votes.through + votes.others;
         if (kScanShare * static_cast<double>(all) < kScanVotes)
           undecided.emplace(n, std::move(votes));
@@ -332,7 +377,7 @@ void SurveyState::take_votes() {
     tile->votes = std::move(undecided);
     // Of the rays that met the ground as expected only new ones count: it may have changed since.
     for (SurveyColumn& column : tile->columns) {
-      column.rays = column.height = 0;
+      column.rays = column.height = column.blind = 0;
       column.cells = {};
     }
   }

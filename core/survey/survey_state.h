@@ -151,6 +151,12 @@ struct SurveyState : SurveyRecord {
   bool is_met(const Vec3& end) const;
   void see_through();
   void take_votes();
+  struct Heights {
+    double low, high;
+  };
+  /// What stands upright beside a column and no ray went through: rays that end on its face or rim
+  /// are of no new ground. Heights above the column's `first`, m.
+  std::optional<Heights> wall_at(const SurveyTile& tile, std::size_t i) const;
   std::vector<SurveyChange> solve();  // of news
 
   int block_side() const {

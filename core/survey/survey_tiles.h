@@ -96,6 +96,7 @@ struct SurveyColumn {
   std::int64_t rays = 0;    ///< that met it as expected
   ScanCells cells;          ///< of those that ended in it as expected
   std::int64_t height = 0;  ///< sum of the latter's heights above `first`
+  std::int64_t blind = 0;   ///< others that ended in it as expected, but tell no height
 };
 
 /// The columns of one origin in a square: their own errors hang together.

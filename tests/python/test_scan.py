@@ -763,3 +763,22 @@ def test_what_was_seen_stays_however_steep():
         site.update(0, position=(x, 9, 3))
     site.come_to_rest()
     assert site.ground_hash() == was
+
+
+@pytest.mark.parametrize("shift", [0.02, 0.03])
+def test_rays_that_pass_a_rim_and_end_at_the_wall_behind_it_make_no_ground(shift):
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 1.3)])
+    site.update_path(0, positions=[(x, 0, -0.8) for x in np.linspace(-2, 2, 41)])
+    site.place(0, position=(-6, -3, 3))
+    eye = np.array([0.0, -2.5, 0.6])   # hangs higher than it is told
+    ahead, up = np.meshgrid(np.linspace(-0.35, 0.35, 141), np.linspace(-0.6, -0.1, 201))
+    ways = np.stack([np.sin(ahead) * np.cos(up), np.cos(ahead) * np.cos(up), np.sin(up)],
+                    axis=-1).reshape(-1, 3)
+    ranges = site.cast(eye + [0, 0, shift], ways)
+    ends = (eye + ways * ranges[:, None])[np.isfinite(ranges)]
+    sensor = soilvdb.Sensor(position=eye, range_sigma=0.01, mount_height_sigma=0.02)
+    for _ in range(3):
+        site.scan(sensor, ends, world=True)
+    survey = site.apply_scans()
+    assert survey.removed_m3 == survey.added_m3 == 0
+    assert survey.rays["used"] > 0.9 * 3 * len(ends) and survey.rays["dropped"] > 1000
