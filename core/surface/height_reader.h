@@ -36,6 +36,7 @@ class HeightReader {
   struct Tile {
     std::uint64_t known = 0;    ///< bits of the columns that are as the ground is
     std::uint64_t surface = 0;  ///< those of them whose kSurface is known
+    std::uint64_t initial = 0;  ///< those that were read before anything changed in the tile
     std::array<std::array<double, BaseColumn::kCells>, kSurface + 1> layers;
     bool touched = false;
     std::array<double, BaseColumn::kCells> before;  // heights, once it is touched
@@ -200,8 +201,11 @@ class HeightReader {
     const int cx = cell.x(), cy = cell.y();
     if (!tile.touched && is_touched(base_, cx, cy)) {
       // Counted alike, so that what nobody touched is as it was.
-      const ColumnTile initial = read_tile_exactly(base_, cx, cy, ceiling, true);
-      for (std::size_t i = 0; i < BaseColumn::kCells; ++i) tile.before[i] = initial.columns[i].top;
+      ColumnTile initial;
+      if (tile.initial != ~std::uint64_t{0})
+        initial = read_tile_exactly(base_, cx, cy, ceiling, true, ~tile.initial);
+      for (std::size_t i = 0; i < BaseColumn::kCells; ++i)
+        tile.before[i] = (tile.initial >> i & 1) != 0 ? tile.layers[0][i] : initial.columns[i].top;
       tile.touched = true;
     }
     const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !tile.touched, wanted);
@@ -217,6 +221,7 @@ class HeightReader {
     }
     tile.known |= fresh;
     tile.surface &= ~fresh;
+    if (!tile.touched) tile.initial |= fresh;
   }
   void find_surface(Tile& tile, const Coord2& cell, std::uint64_t wanted) {
     const double h = ground().voxel_size_m();
