@@ -340,7 +340,7 @@ void GroundView::ranges(const Vec3& from_m, const ScanRays& rays, std::span<floa
     ways.emplace_back(rays.x[i], rays.y[i], rays.z[i]);
   }
   std::vector<double> cast(ways.size());
-  map_.cast(std::span(&from_m, 1), ways, cast);
+  map_.cast(std::span(&from_m, 1), ways, cast).check();
   for (std::size_t k = 0; k < others.size(); ++k) ranges_m[others[k]] = static_cast<float>(cast[k]);
 }
 
