@@ -413,7 +413,11 @@ TEST_P(ScansOfSurveys, TellNothingOfALip) {
   const double volume_m3 =
       site.volume_sigma_m3({Vec2(-1.5, -1.5), Vec2(1.5, -1.5), Vec2(1.5, 1.5), Vec2(-1.5, 1.5)});
   EXPECT_NEAR(volume_m3, 0.01 * 3 * 3 / 2, 0.015);
+  Site copy(site);
   const Survey made = apply(square([](const Vec2&) { return -0.3 - kError_m; }));
+  std::swap(copy, site);
+  apply(square([](const Vec2&) { return -0.3 - kError_m; }));
+  EXPECT_TRUE(copy.progress() == site.progress());
   EXPECT_EQ(made.lip_errors_m[0].mean, 0);
   EXPECT_EQ(made.lip_errors_m[0].sigma, before);
   EXPECT_NEAR(made.removed_m3, 3 * 3 * kError_m, 0.02 * 3 * 3 * kError_m);
