@@ -69,3 +69,40 @@ def test_the_sources_stay_as_they_were(wheel):
     found = {path.name for folder in (PYTHON, ROOT) for path in folder.iterdir()}
     assert wheel.exists() and not found & {"dist", "soilvdb.egg-info"}
     assert not (PYTHON / "build").exists()
+
+
+@pytest.mark.skipif("SOILVDB_OTHER_PYTHON" not in os.environ,
+                    reason="SOILVDB_OTHER_PYTHON names another CPython, with headers and setuptools")
+def test_another_python_builds_its_own(tmp_path):
+    """By setup.py, as pip does. What it needs no NumPy for works at once; without it that is what misses."""
+    other = os.environ["SOILVDB_OTHER_PYTHON"]
+    assert version_of(other) != version_of(sys.executable) and version_of(other)[0] == 3
+    subprocess.run([other, "setup.py", "build", "--build-lib", tmp_path], cwd=PYTHON, check=True)
+    suffix = said(other, "import sysconfig; print(sysconfig.get_config_var('EXT_SUFFIX'))")
+    module, = (tmp_path / "soilvdb").glob("_soilvdb.*.so")
+    assert module.name == "_soilvdb" + suffix
+    alone = f"""
+from importlib.util import module_from_spec, spec_from_file_location
+spec = spec_from_file_location("soilvdb._soilvdb", {str(module)!r})
+soilvdb = module_from_spec(spec)
+spec.loader.exec_module(soilvdb)
+print(soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(width=1.0, height=0.5)]).change_m3())
+"""
+    assert said(other, alone) == "0.0"
+    env = dict(os.environ, PYTHONPATH=str(tmp_path))
+    done = subprocess.run([other, "-c", DIG], cwd="/", text=True, check=False, capture_output=True, env=env)
+    if said(other, "from importlib.util import find_spec; print(find_spec('numpy') is not None)") == "True":
+        assert done.stdout.split() == [str(tmp_path / "soilvdb/__init__.py"), version(), "0.4"]
+    else:
+        assert "No module named 'numpy'" in done.stderr
+        done = subprocess.run([other, "-c", "import soilvdb"], cwd="/", text=True, check=False,
+                              capture_output=True, env=env)
+        assert done.stderr.splitlines()[-1].startswith("ImportError: soilvdb needs NumPy")
+
+
+def said(python, code):
+    return subprocess.run([python, "-c", code], cwd="/", text=True, check=True, capture_output=True).stdout.strip()
+
+
+def version_of(python):
+    return tuple(map(int, said(python, "import sys; print(*sys.version_info[:2])").split()))
