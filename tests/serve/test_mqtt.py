@@ -34,6 +34,7 @@ class Node:
 
     def __init__(self, port, will=None, user=None, context=None):
         self.socket = socket.create_connection(("127.0.0.1", port), SECONDS)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if context:
             self.socket = context.wrap_socket(self.socket, server_hostname="localhost")
         self.stream, self.number, self.got, self.acknowledged = self.socket.makefile("rb"), 0, {}, set()
@@ -131,7 +132,8 @@ class Broker:
             pytest.skip("there is no mosquitto")
         self.port = free_port()
         self.config = folder / "mosquitto.conf"
-        self.config.write_text("\n".join(["user root", "persistence false", f"listener {self.port} 127.0.0.1",
+        self.config.write_text("\n".join(["user root", "persistence false", "set_tcp_nodelay true",
+                                          f"listener {self.port} 127.0.0.1",
                                           *(lines or ["allow_anonymous true"])]) + "\n")
         self.start()
 
@@ -231,7 +233,8 @@ def test_a_machine_belongs_to_its_topic(tmp_path, broker):
                 assert "machine 'digger' is fed by MQTT topic pit/7/feed/a, heard" in refused[0]["error"]
             assert digest(server) == before
             first.cut()   # so the broker publishes its last will
-            until(lambda: link(server) == "lost")
+            until(lambda: link(server) != "live")
+            assert link(server) == "lost"
             assert ("feed_lost", "digger") in {(a["kind"], a["machine"]) for a in server.json("/alarms")}
             assert "error" not in second.feed(STATES[1:2], "b", "pit/7")[0], "another takes over"
             assert link(server) == "live"
@@ -252,6 +255,7 @@ def test_a_broker_that_goes_and_comes_again(tmp_path, broker):
             assert "error" not in feed.feed(STATES[:1])[0]
         broker.kill()
         until(lambda: link(server) == "lost")
+        assert machines(server)["digger"]["heard_s_ago"] < 3.8, "nobody waits for silence"
         told(server, f"MQTT broker 127.0.0.1 port {broker.port}: ")
         assert "error" not in server.feed(STATES[1:2])[0], "other feeds go on"
         broker.start()
@@ -312,7 +316,25 @@ def test_messages_that_come_faster_than_they_are_taken_are_refused_in_words(tmp_
         assert [len(lines) for lines in answers] == [32000] * 6 + [1] * 90
         refused = [line["error"] for lines in answers[6:] for line in lines if "keep up" in line["error"]]
         assert 0 < len(refused) < 60 and "the site doesn't keep up; send it again, and wait for answers" in refused
+        assert "keep up" not in feed.feed(large)[0]["error"]
         assert "error" not in feed.feed(STATES[:1])[0]
+
+
+def test_states_wait_while_others_are_taken_back(tmp_path, broker):
+    states = list(passes("digger", 0.0, 0.3, 400))
+    with serve(scenario(tmp_path, SOIL), f"127.0.0.1:{broker.port}", tmp_path) as server, node(broker) as feed:
+        assert not any("error" in answer for answer in feed.feed(passes("plate", 3.0, 0.2, 30)))
+        assert not any("error" in answer for answer in feed.feed(states[:200]))
+        undo = threading.Thread(target=server.post, args=["/undo?machine=plate&time=-1"])
+        undo.start()
+        for state in states[200:]:
+            assert "error" not in feed.feed([state])[0]
+        undo.join()
+        assert server.json("/summary.json")["updates"] == 400, "none is lost"
+        dug = digest(server)
+    with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "alone", cwd=tmp_path) as server:
+        server.feed(states)
+        assert digest(server) == dug
 
 
 def test_names_are_limited(tmp_path, broker):

@@ -115,6 +115,7 @@ struct MqttLink {
     if (!options.user.empty())
       library.mosquitto_username_pw_set(client, options.user.c_str(),
                                         password.empty() ? nullptr : password.c_str());
+    library.mosquitto_int_option(client, MOSQ_OPT_TCP_NODELAY, 1);  // answers go out at once
     if (options.tls) library.mosquitto_int_option(client, MOSQ_OPT_TLS_USE_OS_CERTS, 1);
     library.mosquitto_will_set(client, topic("link").c_str(), static_cast<int>(kLinkLost.size()),
                                kLinkLost.data(), kAtLeastOnce, /*retain=*/true);
