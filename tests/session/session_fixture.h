@@ -59,6 +59,13 @@ inline void feed(Session& session, const std::vector<MachineState>& all) {
   }
 }
 
+/// Change of the ground's mass that nothing accounts for, units.
+inline std::int64_t residual(const Session& session) {
+  const MassBalance balance = session.mass_balance();
+  return balance.ground + session.total().load + balance.pending + balance.hauled - balance.poured -
+         balance.surveyed;
+}
+
 class Sessions : public ::testing::TestWithParam<bool> {
  protected:
   static SessionSite site() { return site_of(GetParam() ? moving() : Earthmoving{}); }

@@ -55,13 +55,6 @@ void work(Session& session, const std::vector<MachineState>& all, std::uint64_t 
   }
 }
 
-/// Change of the ground's mass that nothing accounts for, units.
-std::int64_t residual(const Session& session) {
-  const MassBalance balance = session.mass_balance();
-  return balance.ground + session.total().load + balance.pending + balance.hauled - balance.poured -
-         balance.surveyed;
-}
-
 class SessionScans : public ::testing::TestWithParam<bool> {
  protected:
   SessionSite site() const { return site_of(GetParam() ? moving() : Earthmoving{}); }

@@ -32,12 +32,6 @@ SurveyVolumes take(Session& session, const SurveyHeights& heights) {
   return volumes;
 }
 
-std::int64_t residual_of(const Session& session) {
-  const MassBalance balance = session.mass_balance();
-  return balance.ground + session.total().load + balance.pending + balance.hauled - balance.poured -
-         balance.surveyed;
-}
-
 class SessionSurveys : public ::testing::TestWithParam<bool> {
  protected:
   SessionSite site() const { return site_of(GetParam() ? moving() : Earthmoving{}); }
@@ -68,7 +62,7 @@ TEST_P(SessionSurveys, GoOnFromWhereTheyWereRecorded) {
       ASSERT_TRUE(session->save() == never_stopped.save());
     }
     if (GetParam()) {
-      EXPECT_EQ(residual_of(*session), 0);
+      EXPECT_EQ(residual(*session), 0);
     }
     ASSERT_TRUE(session->surveyed());
     EXPECT_GT(session->surveyed()->removed, 0);
