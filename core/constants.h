@@ -515,8 +515,9 @@ inline constexpr float kFluxTolerance = 0.04f;
 inline constexpr int kRestCheckSteps = 10;
 /// Steps between two looks for tiles that soil came to. Until then it waits at their border.
 inline constexpr int kActivateSteps = 5;
-/// Soil that must have come to a column of a tile before soil may leave that tile, sides. With less,
-/// counts' errors set soil flowing all over a heap; with more, a slide's foot stands too steep.
+/// Depth of soil that must have come into a resting tile before that tile takes part, sides. With
+/// less, counts' errors set soil flowing all over a heap; with more, a slide's foot stands too
+/// steep.
 inline constexpr float kMinReach = 0.02f;
 /// Tiles around a tile for which room is made at once. With fewer, arrays are copied more often.
 inline constexpr int kSpareTiles = 3;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/constants.h"
+#include "core/settle/brink.h"
 
 namespace soilvdb::inline v0 {
 

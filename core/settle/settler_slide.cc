@@ -9,6 +9,7 @@
 #include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
+#include "core/settle/brink.h"
 #include "core/settle/settler.h"
 #include "core/settle/whole_samples.h"
 
@@ -69,7 +70,7 @@ class Surroundings {
   SOILVDB_INLINE LaneMask open(int i) const { return lanes(open_, i) > 0; }
   /// How far bank drops from columns to those at an offset.
   SOILVDB_INLINE Lanes bank_drop(int from, int to) const {
-    return open(from) & open(to) ? lanes(bank_, from) - lanes(bank_, to) : Lanes{};
+    return (open(from) & open(to)) ? lanes(bank_, from) - lanes(bank_, to) : Lanes{};
   }
   /// How far soil drops from eight columns to those at an offset. Over a brink, which it ends at,
   /// that is repose and as much more as lies there too deep.
@@ -82,7 +83,7 @@ class Surroundings {
                                        bank_drop(to, to + offset), slope_);
       end = to_top >= bank ? to_top : max(to_top, bank - slope_ + held);
     }
-    return open(from) & open(to) & (top > to_top) ? top - end : Lanes{};
+    return (open(from) & open(to) & (top > to_top)) ? top - end : Lanes{};
   }
   /// The squares of the largest drops over so many columns: along an axis, or down a square, as the
   /// mean of its opposite sides. Of a cone, one side of a square alone is steeper than its slope.

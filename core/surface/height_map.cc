@@ -79,6 +79,8 @@ LookResult LookResult::of_exception() noexcept {
     return because(Fault::kFailed, "out of memory");
   } catch (const std::exception& e) {
     return because(Fault::kFailed, e.what());
+  } catch (...) {
+    return because(Fault::kFailed, "an unknown error");
   }
 }
 
@@ -110,7 +112,7 @@ LookResult HeightMap::prepare(const Eigen::AlignedBox2d& area_m) noexcept {
     const Ground& ground = reader_->ground();
     const auto column = [&](const Vec2& xy) -> Coord2 {
       const Vec2 at = (xy - ground.origin().head<2>()) / ground.voxel_size_m();
-      require(at.cwiseAbs().maxCoeff() < kMaxIndex,
+      require(at.allFinite() && at.cwiseAbs().maxCoeff() < kMaxIndex,
               "an area must be within 2^23 voxels of the site's origin");
       return (at + Vec2(0.5, 0.5)).array().floor().matrix().cast<int>();
     };

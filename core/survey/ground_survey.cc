@@ -285,7 +285,7 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
     const Vec2 at = (xy_m[i] - s.ground.origin().head<2>()) / s.voxel_m();
     sigmas_m[i] = HeightReader::kNoGround;
-    if (!(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
+    if (!at.allFinite() || !(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
     const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
     std::optional<SurveyTile> own;
     const SurveyTile& tile = s.look(floor_to(cell, kChunkSide), own);

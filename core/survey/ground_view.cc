@@ -24,7 +24,7 @@ constexpr int kNextTo = 2;
 constexpr std::int32_t kRagged = -1;
 /// Ground nearer than this is not drawn, cells; and room to the ground about a place that needs
 /// none of it.
-constexpr float kNearest = 0.25f;
+constexpr float kNearest = 0.25f, kMostNear = 1 / kNearest;
 constexpr int kRoom = 3;
 
 /// A face of the cube: two coordinates along it, and the distance. Factors of x, y and z.
@@ -115,7 +115,6 @@ bool GroundView::begin(const Vec3& from_m) {
 void GroundView::read_tile(const Coord2& tile) {
   std::uint8_t& is_read = read_[static_cast<std::size_t>(tile.x() * kTiles + tile.y())];
   if (is_read != 0) return;
-  is_read = 1;
   HeightReader& reader = map_.reader();
   const Coord2 low = kChunkSide * tile;
   reader.read(first_.head<2>() + low, Coord2::Constant(kChunkSide), HeightReader::kSurface,
@@ -124,6 +123,7 @@ void GroundView::read_tile(const Coord2& tile) {
     for (int y = 0; y < kChunkSide; ++y)
       heights_[static_cast<std::size_t>((low.x() + x) * kSide + low.y() + y)] =
           static_cast<float>(reader.columns.at(x, y) - first_.z());
+  is_read = 1;
 }
 
 const GroundView::Block& GroundView::block(int bx, int by) {
@@ -133,7 +133,6 @@ const GroundView::Block& GroundView::block(int bx, int by) {
   const int x1 = std::min(x0 + kBlock, kSide - 1), y1 = std::min(y0 + kBlock, kSide - 1);
   for (int x = x0 / kChunkSide; x <= x1 / kChunkSide; ++x)
     for (int y = y0 / kChunkSide; y <= y1 / kChunkSide; ++y) read_tile({x, y});
-  block.known = true;
   block.low = std::numeric_limits<float>::infinity();
   block.high = -block.low;
   for (int x = x0; x <= x1; ++x) {
@@ -144,6 +143,7 @@ const GroundView::Block& GroundView::block(int bx, int by) {
       block.high = std::max(block.high, z);
     }
   }
+  block.known = true;
   return block;
 }
 
@@ -192,8 +192,9 @@ void GroundView::draw(int number, const Coord2& first, const Coord2& last) {
 
 void GroundView::draw_block(int number, Face& face, int bx, int by) {
   struct Corner {
-    float u, v, nearness;  // pixels; 0: not before the face
-    bool has_ground;
+    float u, v, nearness;  // pixels; of what is not before the face, as if it were just before it
+    bool has_ground, is_before;
+    float wide_u, wide_v;  // where it would be just before the face
   };
   const Axes& axes = kAxes[static_cast<std::size_t>(number)];
   constexpr float kHalf = kPixels / 2;
@@ -211,10 +212,12 @@ void GroundView::draw_block(int number, Face& face, int bx, int by) {
       const auto along = [&](const std::array<float, 3>& axis) {
         return axis[0] * x + axis[1] * y + axis[2] * z;
       };
-      const float w = along(axes.w), nearness = w > kNearest ? 1 / w : 0;
+      const float u = along(axes.u), v = along(axes.v), w = along(axes.w);
+      const auto pixel = [&](float to, float near) { return (to * near + 1) * kHalf - 0.5f; };
+      const float nearness = 1 / std::max(w, kNearest);
       corners[static_cast<std::size_t>(i * kCorners + j)] = {
-          (along(axes.u) * nearness + 1) * kHalf - 0.5f,
-          (along(axes.v) * nearness + 1) * kHalf - 0.5f, nearness, has_ground};
+          pixel(u, nearness), pixel(v, nearness),  nearness,           has_ground,
+          w > kNearest,       pixel(u, kMostNear), pixel(v, kMostNear)};
     }
   }
   const int low_u = face.low.x(), low_v = face.low.y(), end_u = face.end.x(), end_v = face.end.y();
@@ -241,14 +244,33 @@ void GroundView::draw_block(int number, Face& face, int bx, int by) {
       }
     }
   };
+  // What rises past the place is seen somewhere on the way from where it begins to where it ends.
+  const auto cover = [&](const std::array<const Corner*, 4>& all) {
+    Eigen::AlignedBox2f box;
+    for (const Corner* c : all) {
+      box.extend(Eigen::Vector2f(c->u, c->v));
+      box.extend(Eigen::Vector2f(c->wide_u, c->wide_v));
+    }
+    const auto within = [](float at, int low, int end) {
+      return static_cast<int>(std::clamp(at, static_cast<float>(low), static_cast<float>(end)));
+    };
+    const int u1 = within(std::ceil(box.max().x()) + 1, low_u, end_u);
+    const int v1 = within(std::ceil(box.max().y()) + 1, low_v, end_v);
+    for (int u = within(std::floor(box.min().x()), low_u, end_u); u < u1; ++u)
+      for (int v = within(std::floor(box.min().y()), low_v, end_v); v < v1; ++v)
+        face.pixels[static_cast<std::size_t>((u - low_u) * row + v - low_v)] = {kMostNear, kRagged};
+  };
   for (int i = 0; i + 1 < nx; ++i) {
     for (int j = 0; j + 1 < ny; ++j) {
       const Corner* const c = &corners[static_cast<std::size_t>(i * kCorners + j)];
       const Corner &c00 = c[0], &c01 = c[1], &c10 = c[kCorners], &c11 = c[kCorners + 1];
-      if (c00.nearness == 0 || c01.nearness == 0 || c10.nearness == 0 || c11.nearness == 0)
-        continue;
+      const int before = c00.is_before + c01.is_before + c10.is_before + c11.is_before;
       const int known = c00.has_ground + c01.has_ground + c10.has_ground + c11.has_ground;
-      if (known == 0) continue;
+      if (before == 0 || known == 0) continue;
+      if (before < 4) {
+        cover({&c00, &c01, &c10, &c11});
+        continue;
+      }
       const std::int32_t quad = known == 4 ? (x0 + i) * kSide + y0 + j : kRagged;
       draw(c00, c10, c11, quad);
       draw(c00, c01, c11, quad);
@@ -287,12 +309,16 @@ void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
               v = (number & kMask) - face.low.y();
     const int row = face.end.y() - face.low.y();
     const Pixel* const pixels = &face.pixels[static_cast<std::size_t>(u * row + v)];
-    const Pixel& pixel = pixels[0];
+    // From the nearest, so that nothing before the others is passed by.
+    Pixel pixel = pixels[0];
+    for (const Pixel& other : {pixels[1], pixels[row], pixels[row + 1]})
+      if (other.nearness > pixel.nearness) pixel = other;
     if (pixel.quad < 0) continue;
     int qx = pixel.quad / kSide, qy = pixel.quad % kSide;
     // Where the four see one surface, none of it is hidden between them.
     bool is_one = true;
-    for (const std::int32_t other : {pixels[1].quad, pixels[row].quad, pixels[row + 1].quad})
+    for (const std::int32_t other :
+         {pixels[0].quad, pixels[1].quad, pixels[row].quad, pixels[row + 1].quad})
       is_one &= other >= 0 && std::abs(other / kSide - qx) <= kNextTo &&
                 std::abs(other % kSide - qy) <= kNextTo;
     if (!is_one) continue;
@@ -326,11 +352,15 @@ void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
 }
 
 void GroundView::ranges(const Vec3& from_m, const ScanRays& rays, std::span<float> ranges_m) {
-  if (begin(from_m)) {
-    find_pixels(rays);
-    follow(rays, ranges_m);
-  } else {
-    std::fill(ranges_m.begin(), ranges_m.end(), kNotMet);
+  std::fill(ranges_m.begin(), ranges_m.end(), kNotMet);
+  try {
+    if (begin(from_m)) {
+      find_pixels(rays);
+      follow(rays, ranges_m);
+    }
+  } catch (...) {
+    heights_.clear();  // what was half read or drawn is not used again
+    throw;
   }
   std::vector<std::size_t> others;
   std::vector<Vec3> ways;

@@ -26,8 +26,9 @@ struct ScanRays {
   }
 };
 
-/// Finds where rays from a place meet the surface of HeightMap::at(), to some hundredths of a
-/// millimetre: that of the quads between the middles of columns.
+/// Finds where rays from a place meet the quads between the middles of columns. That is the surface
+/// of HeightMap::at() where the ground was changed; elsewhere it differs by the terrain's bend
+/// within a voxel.
 ///
 /// The quads about a place are drawn onto five faces of a cube around it, all but the upper. A
 /// pixel has the nearest quad at its middle. Where the four pixels about a ray see one surface, the

@@ -308,7 +308,9 @@ std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
       if (votes != found->second.votes.end() && votes->second.through >= kScanVotes) return {};
       // What scans found before may be half of what is there.
       const SurveyColumn& column = found->second.columns[n];
-      if (std::isnan(column.top) || column.origin == kSurveyed) continue;
+      const bool is_scanned =
+          column.origin == kSurveyed && !(surveyed && surveyed->are_of(cell, column.top));
+      if (std::isnan(column.top) || is_scanned) continue;
       wall.low = std::min(wall.low, h * (column.top - first));
       wall.high = std::max(wall.high, h * (column.top - first));
     }
@@ -321,7 +323,7 @@ std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
 /// is kept, until there are so many that enough of them would have agreed.
 void SurveyState::take_votes() {
   see_through();
-  // All are looked at before any is decided, so that no direction shows.
+  // All are looked at before any is decided, so that the order of columns does not matter.
   std::vector<std::optional<Vote>> decisions;
   for (const auto& cell : news) {
     const SurveyTile& tile = marked(cell);
@@ -347,7 +349,8 @@ void SurveyState::take_votes() {
       // Rays that end in the column will tell its height better than those that pass above it.
       const bool waits =
           static_cast<double>(votes.rays()) >= kScanShare * static_cast<double>(votes.through);
-      if (!now && !waits && votes.through >= kScanVotes && votes.through > column.rays)
+      if (!now && !waits && votes.through >= kScanVotes &&
+          votes.through > column.rays + column.blind)
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {
         votes.told += fresh;

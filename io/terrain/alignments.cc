@@ -260,6 +260,8 @@ class AlignmentReader final : LandXmlStream {
       begin_element(name, attributes);
     } else if (name == "ProfAlign") {
       if (roads_.empty()) fail("there is a profile that belongs to no alignment");
+      if (std::find(open_.begin(), open_.end(), name) != open_.end())
+        fail("there is a profile (ProfAlign) in a profile");
       roads_.back().profiles.push_back({text_of(attribute(attributes, "name")), {}});
     } else if (is_in("ProfAlign")) {
       begin_pvi(name, attributes);
@@ -498,8 +500,9 @@ class AlignmentReader final : LandXmlStream {
       std::vector<double> stations;
       for (double i = line.empty() ? 0 : 1; i <= parts; ++i)
         stations.push_back(i == parts ? end : begin + i / parts * piece.length);
-      stations.insert(stations.end(), std::upper_bound(bends.begin(), bends.end(), begin + kNear_m),
-                      std::lower_bound(bends.begin(), bends.end(), end - kNear_m));
+      for (auto bend = std::upper_bound(bends.begin(), bends.end(), begin + kNear_m);
+           bend != bends.end() && *bend < end - kNear_m; ++bend)
+        stations.push_back(*bend);
       std::sort(stations.begin(), stations.end());
       for (const double station : stations) {
         Vec3 p = piece.at(std::clamp(station - begin, 0.0, piece.length));

@@ -430,6 +430,32 @@ TEST(Alignments, ThatAreNotSupportedAreRefusedInALine) {
 }
 
 // A line of a huge arc, or of huge numbers, ends in a line of words.
+TEST(Alignments, ProfilesInProfilesAreRefused) {
+  for (const char* profile :
+       {"<ProfAlign><ProfAlign>1 2</ProfAlign></ProfAlign>",
+        "<ProfAlign><PVI>0 1</PVI><PVI><ProfAlign/>10 2</PVI></ProfAlign>",
+        "<ProfAlign><PVI>0 1<ProfAlign><PVI>3 4</PVI></ProfAlign></PVI></ProfAlign>"})
+    EXPECT_THAT(refusal(landxml(alignment(straight({0, 0}, {20, 0}),
+                                          fmt::format("<Profile>{}</Profile>", profile)))),
+                HasSubstr("a profile (ProfAlign) in a profile"))
+        << profile;
+}
+
+TEST(Alignments, PiecesWithoutLengthChangeNothing) {
+  const std::string profile =
+      "<Profile><ProfAlign><PVI>0 1</PVI><PVI>10 3</PVI><PVI>20 2</PVI></ProfAlign></Profile>";
+  const std::string first = straight({0, 0}, {10, 0}), last = straight({10, 0}, {20, 0});
+  const Alignments plain = read(landxml(alignment(first + last, profile)));
+  for (const double x : {10.0, 10.0000005, 10.000001}) {
+    const Alignments made =
+        read(landxml(alignment(first + straight({10, 0}, {x, 0}) + last, profile)));
+    ASSERT_THAT(made.lines, SizeIs(1));
+    for (const Vec3& p : made.lines[0])
+      EXPECT_NEAR(p.z(), p.x() < 10 ? 1 + 0.2 * p.x() : 3 - 0.1 * (p.x() - 10), 1e-5);
+    EXPECT_NEAR((made.lines[0].back() - plain.lines[0].back()).norm(), 0, 1e-5);
+  }
+}
+
 TEST(Alignments, OfImpossibleSizesAreRefused) {
   const double far = 9e8;
   EXPECT_THAT(refusal(landxml(alignment(arc({far, 0}, {0, 0}, {-far, 0}, true)))),

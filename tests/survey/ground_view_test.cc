@@ -69,7 +69,7 @@ double share_elsewhere(HeightMap& map, const Vec3& from, const std::vector<Vec3>
   std::vector<Vec3> along;
   for (std::size_t i = 0; i < ways.size(); ++i) along.emplace_back(rays.x[i], rays.y[i], rays.z[i]);
   std::vector<double> cast(ways.size());
-  map.cast(std::span(&from, 1), along, cast);
+  map.cast(std::span(&from, 1), along, cast).check();
   int apart = 0;
   for (std::size_t i = 0; i < ways.size(); ++i) {
     if (static_cast<float>(cast[i]) == ranges[i]) continue;  // it was cast
@@ -81,7 +81,7 @@ double share_elsewhere(HeightMap& map, const Vec3& from, const std::vector<Vec3>
       for (const double dy : {-1, 0, 1})
         places.emplace_back(end.x() + kApart_m * dx, end.y() + kApart_m * dy);
     std::vector<double> heights(places.size());
-    map.at(places, heights);
+    map.at(places, heights).check();
     const auto [low, high] = std::minmax_element(heights.begin(), heights.end());
     const bool is_at =
         std::isfinite(range) && end.z() > *low - kApart_m && end.z() < *high + kApart_m;
@@ -158,13 +158,50 @@ TEST(GroundView, OfAPlaceInOrNearTheGroundIsCast) {
   for (const double above : {-0.5, 0.02, 0.2}) {
     const Vec2 place(0.4, 0.3);
     double height = 0;
-    map.at({&place, 1}, {&height, 1});
+    map.at({&place, 1}, {&height, 1}).check();
     const Vec3 from(place.x(), place.y(), height + above);
     const std::vector<float> ranges = seen(view, from, ways);
     if (above < 0) {
       EXPECT_EQ(ranges, std::vector<float>(ways.size(), 0.0f));
     }
     EXPECT_EQ(share_elsewhere(map, from, ways, ranges), 0);
+  }
+}
+
+TEST(GroundView, WallsThatRiseAboveThePlaceHideWhatIsBehind) {
+  Work work(raster({101, 101, {-40, -40}, {0.8, 0.8}}, [](double, double) { return 0.0; }), 1);
+  SampleWords all;
+  all.fill(kAllSoil);
+  for (int y = -16; y <= 16; y += kChunkSide)
+    for (int z = 0; z < 6; ++z) GroundWriter(work.ground).add({8, y, z * kChunkSide}, all);
+  HeightMap map(work.ground);
+  GroundView view(work.ground, map);
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> any(-1, 1);
+  std::vector<Vec3> ways;
+  for (int n = 0; n < 20000; ++n) ways.emplace_back(0.9 + any(random), any(random), -1);
+  for (const double height_m : {2.0, 3.0}) {
+    const Vec3 from(0.3, 0.4, height_m);
+    EXPECT_LT(share_elsewhere(map, from, ways, seen(view, from, ways)), 0.001) << height_m;
+  }
+}
+
+TEST(GroundView, BumpsHideWhatIsBehindOnEachSide) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> any(-1, 1);
+  Work work(raster({401, 401, {-20, -20}, {kVoxel_m, kVoxel_m}},
+                   [&](double, double) { return 1.5 * kVoxel_m * any(random); }),
+            1);
+  HeightMap map(work.ground);
+  GroundView view(work.ground, map);
+  const Vec3 from(0.03, 0.02, 3);
+  for (const double x : {-1, 1}) {
+    for (const double y : {-1, 1}) {
+      std::vector<Vec3> ways;
+      for (int n = 0; n < 10000; ++n)
+        ways.emplace_back(x * std::abs(any(random)), y * std::abs(any(random)), -1);
+      EXPECT_LT(share_elsewhere(map, from, ways, seen(view, from, ways)), 0.001) << x << ' ' << y;
+    }
   }
 }
 

@@ -484,7 +484,8 @@ LookResult height_maps(std::span<Session* const> sessions, std::span<const MapPl
   if (!all.ok() || fault.ok()) return all;
   // The other maps are as they should be.
   all = LookResult::of([&] { fault.why = fmt::format("site {}: {}", worst, fault.why); });
-  return all.ok() ? fault : all;
+  if (!all.ok()) return all;
+  return fault;
 }
 template LookResult height_maps(std::span<Session* const>, std::span<const MapPlace>, MapLayer,
                                 std::span<float>, std::optional<double>,

@@ -102,15 +102,20 @@ struct DdsLibrary {
 constexpr std::int32_t kMostUntaken = 1000;
 constexpr std::size_t kAlignment = 4;  // of the ends of messages in RTPS
 
-/// Does a configuration name the loopback interface, and no other? It must not be named twice.
+/// Does a configuration surely name the loopback interface, and no other, for any domain? It must
+/// not be named twice, but left out it would be another one.
 bool names_loopback(std::string config) {
   constexpr std::string_view kFile = "file://";
   if (config.starts_with(kFile)) {
     std::ifstream file(config.substr(kFile.size()));
     config.assign(std::istreambuf_iterator<char>(file), {});
   }
-  static const std::regex kInterface("<NetworkInterface\\b[^>]*>"),
+  static const std::regex kComment("<!--[^]*?-->"), kList(",\\s*(file:|<)"),
+      kOneDomain("<Domain\\b[^>]*\\bid\\s*=", std::regex::icase),
+      kInterface("<NetworkInterface\\b[^>]*>"),
       kLoopback("\\b(address|name)\\s*=\\s*[\"'](127[.]0[.]0[.]1|lo)[\"']");
+  config = std::regex_replace(config, kComment, "");
+  if (std::regex_search(config, kList) || std::regex_search(config, kOneDomain)) return false;
   std::sregex_iterator each(config.begin(), config.end(), kInterface), end;
   return each != end && std::all_of(each, end, [](const std::smatch& found) {
            return std::regex_search(found.str(), kLoopback);

@@ -75,11 +75,11 @@ using MapPlace = std::variant<MapGrid, MapAround>;
 
 /// A site with machines that takes one state after another. It writes files only if it is recorded.
 ///
-/// Guarantees: updates and looks do not throw. A refused update leaves ground, loads and times
-/// unchanged. The same states give the same bits as `soilvdb run` for the same updates, for any
-/// number of threads, and whatever is read in between. clone() and restored states continue with
-/// the same results. Threads: one thread at a time may use a session; different sessions may be
-/// used at once. Work runs in the caller's TBB arena.
+/// Guarantees: updates do not throw, nor do heights(), height_map(), cast() and height_maps(). A
+/// refused update leaves ground, loads and times unchanged. The same states give the same bits as
+/// `soilvdb run` for the same updates, for any number of threads, and whatever is read in between.
+/// clone() and restored states continue with the same results. Threads: one thread at a time may
+/// use a session; different sessions may be used at once. Work runs in the caller's TBB arena.
 ///
 ///     Session site({.voxel_size_m = 0.05, .terrain = io::PlaneTerrain{},
 ///                   .machines = {{"digger", {.width_m = 1.2, .height_m = 0.9}}}});
