@@ -315,7 +315,7 @@ void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
       if (other.nearness > pixel.nearness) pixel = other;
     if (pixel.quad < 0) continue;
     int qx = pixel.quad / kSide, qy = pixel.quad % kSide;
-    // Where the four see one surface, none of it is hidden between them.
+    // Where the four see one surface, bumps of less than a pixel alone are hidden between them.
     bool is_one = true;
     for (const std::int32_t other :
          {pixels[0].quad, pixels[1].quad, pixels[row].quad, pixels[row + 1].quad})
