@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
 """Feeds by MQTT, through a broker that others wrote; clients are sockets that share no code with either."""
+import concurrent.futures
 import contextlib
 import json
 import os
+import re
 import shutil
 import socket
 import ssl
@@ -22,6 +24,7 @@ SOIL = "soil: {repose_angle: 0.6, swell: 0.2}\noutput: {journal: {sync: always}}
 STATES = list(passes("digger", 0.0, 0.3, 60))
 LOST, ENDED = '{"link": "lost"}', '{"link": "ended"}'
 SECONDS = 30
+NO_MQTT = "soilvdb: --mqtt: this build has no MQTT: install libmosquitto-dev, and then build soilvdb again\n"
 
 
 def text(words):
@@ -36,7 +39,7 @@ class Node:
         self.socket = socket.create_connection(("127.0.0.1", port), SECONDS)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if context:
-            self.socket = context.wrap_socket(self.socket, server_hostname="localhost")
+            self.socket = context.wrap_socket(self.socket, server_hostname="127.0.0.1")
         self.stream, self.number, self.got, self.acknowledged = self.socket.makefile("rb"), 0, {}, set()
         flags, body = 2, text("")
         if will:
@@ -159,6 +162,50 @@ class Broker:
         self.kill()
 
 
+class Peer(Node):
+    """A broker of one client that does what a test wants; mosquitto acknowledges all."""
+
+    def __init__(self, listener, code=0, granted=1):
+        self.socket = listener.accept()[0]
+        self.socket.settimeout(SECONDS)
+        self.stream = self.socket.makefile("rb")
+        assert self.read()[0] == 0x10
+        self._send(0x20, bytes([0, code]))
+        if code == 0:
+            kind, asked = self.read()
+            assert kind == 0x82
+            self._send(0x90, asked[:2] + bytes([granted]))
+
+    def read(self):
+        while (packet := self._packet())[0] == 0xc0:   # is somebody there?
+            self._send(0xd0, b"")
+        return packet
+
+    def send(self, content, topic="soilvdb/site/feed/gateway"):
+        self._send(0x30, text(topic) + content)
+
+    def answer(self, acknowledge):
+        """The next, and its number."""
+        kind, body = self.read()
+        name = text("soilvdb/site/answers/gateway")
+        assert kind == 0x32 and body.startswith(name)
+        number, content = body[len(name):len(name) + 2], body[len(name) + 2:]
+        if acknowledge:
+            self._send(0x40, number)
+        return content.decode()
+
+
+@contextlib.contextmanager
+def peer(folder, **options):
+    """A site, and its broker."""
+    with socket.create_server(("127.0.0.1", 0)) as listener, concurrent.futures.ThreadPoolExecutor(1) as thread:
+        listener.settimeout(SECONDS)
+        came = thread.submit(Peer, listener, **options)
+        with serve(scenario(folder), f"127.0.0.1:{listener.getsockname()[1]}", folder) as server, \
+                came.result(SECONDS) as broker:
+            yield server, broker
+
+
 @pytest.fixture
 def broker(tmp_path):
     with Broker(tmp_path) as of:
@@ -170,7 +217,12 @@ def node(broker, name="gateway", **more):
 
 
 def serve(path, address, folder, *more, **options):
-    return Server(path, "--mqtt", address, "--out", folder / "out", *more, cwd=folder, **options)
+    try:
+        return Server(path, "--mqtt", address, "--out", folder / "out", *more, cwd=folder, **options)
+    except AssertionError as refused:
+        if str(refused).endswith(NO_MQTT):
+            pytest.skip("built without libmosquitto")
+        raise
 
 
 def until(found):
@@ -271,7 +323,7 @@ def test_a_broker_that_goes_and_comes_again(tmp_path, broker):
 
 def test_a_broker_may_come_after_the_site(tmp_path, broker):
     broker.kill()
-    with serve(scenario(tmp_path), f"mqtt://localhost:{broker.port}", tmp_path) as server:
+    with serve(scenario(tmp_path), f"mqtt://127.0.0.1:{broker.port}", tmp_path) as server:
         assert "Connection refused; it is tried again and again" in told(server, "warning: MQTT")
         broker.start()
         told(server, "it is there again")
@@ -304,20 +356,63 @@ def test_a_retained_message_is_not_of_now(tmp_path, broker):
             assert server.json("/summary.json")["updates"] == 0
 
 
-def test_messages_that_come_faster_than_they_are_taken_are_refused_in_words(tmp_path, broker):
-    """Each has its answer, in order, and others have their turn meanwhile."""
+def test_a_message_has_so_few_lines_that_its_answer_is_short(tmp_path, broker):
     with serve(scenario(tmp_path), f"127.0.0.1:{broker.port}", tmp_path) as server, node(broker) as feed:
-        slow, large = ("x\n" * 32000).encode(), b"x" * 65000
-        for content in [slow] * 6 + [large] * 90:
-            feed._send(0x30, text("soilvdb/site/feed/gateway") + content)
-        begin = time.monotonic()
-        assert server.get("/height?x=0&y=0")[0] == 200 and time.monotonic() - begin < 5
-        answers = [feed.answers() for _ in range(96)]
-        assert [len(lines) for lines in answers] == [32000] * 6 + [1] * 90
-        refused = [line["error"] for lines in answers[6:] for line in lines if "keep up" in line["error"]]
-        assert 0 < len(refused) < 60 and "the site doesn't keep up; send it again, and wait for answers" in refused
-        assert "keep up" not in feed.feed(large)[0]["error"]
-        assert "error" not in feed.feed(STATES[:1])[0]
+        for content, count in ((b"x\n" * 200, 200), (b"\n" * 199 + b"x", 1)):
+            assert len(feed.feed(content)) == count
+        states = [json.dumps(state) for state in passes("digger", 0.0, 0.3, 201)]
+        for content in (b"x\n" * 32000, b"\n" * 200 + b"x", "\n".join(states).encode()):
+            assert feed.feed(content) == [{"error": "the message has more than 200 lines; send fewer at once"}]
+        assert server.json("/summary.json")["updates"] == 0
+        refused = ({"machine": 100 * "\""}, {"machine": 130 * "\u00e9"}, {"machine": "digger", 250 * "x": 1},
+                   {**STATES[0], "fix": 80 * "\\"})
+        for lines in (states[:200], *(200 * [json.dumps(line, ensure_ascii=False)] for line in refused)):
+            feed.publish("soilvdb/site/feed/gateway", "\n".join(lines).encode())
+            answer = feed.next("soilvdb/site/answers/gateway")
+            assert len(answer.splitlines()) == 200 and len(answer) < 80_000
+        assert server.json("/summary.json")["updates"] == 200
+        for name in (1000 * "\u00e9", "x" + 1000 * "\u00e9", 60_000 * "x"):
+            answer, = feed.feed([json.dumps({"machine": name}, ensure_ascii=False)])
+            assert answer["error"].endswith(name[-1] + "...") and 395 < len(answer["error"].encode()) < 405
+
+
+def test_messages_that_come_faster_than_they_are_answered_are_refused_in_words(tmp_path):
+    """Each has its answer, in order."""
+    with peer(tmp_path) as (server, broker):
+        assert broker.read()[1].endswith(b'{"link":"live"}')
+        large = b"x" * 65000
+        for content in [b"{}"] * 300 + [large] * 90:
+            broker.send(content)
+        answers = [broker.answer(acknowledge=False) for _ in range(255)]
+        assert server.get("/height?x=0&y=0")[0] == 200
+        for i in range(256):   # the first is of the link
+            broker._send(0x40, struct.pack(">H", i + 1))
+        answers += [broker.answer(acknowledge=True) for _ in range(135)]
+        keep_up = [json.loads(answer)["error"].startswith("the site doesn't keep up; send it again, and wait")
+                   for answer in answers]
+        assert 0 < sum(keep_up) < 60 and keep_up == sorted(keep_up), "what came first is taken"
+        broker.send(large)
+        assert "keep up" not in broker.answer(acknowledge=True)
+        broker.send(json.dumps(STATES[0]).encode())
+        assert "error" not in broker.answer(acknowledge=True)
+
+
+def test_the_goodbye_waits_for_no_acknowledgement(tmp_path):
+    with peer(tmp_path) as (server, broker):
+        kind, body = broker.read()
+        assert (kind, body[-15:]) == (0x33, b'{"link":"live"}')
+        for topic in ("a", "soilvdb/site/feed", "soilvdb/site/link"):   # what it has not subscribed to
+            broker.send(b"[]", topic)
+        for _ in range(300):
+            broker.send(b"{}")
+        first = broker.answer(acknowledge=False)
+        assert "machine" in first
+        for _ in range(254):
+            assert broker.answer(acknowledge=False) == first
+        assert server.get("/height?x=0&y=0")[0] == 200
+        server.stop()
+        assert broker.read() == (0x31, text("soilvdb/site/link") + b'{"link":"ended"}')
+        assert broker.read() == (0xe0, b"")
 
 
 def test_states_wait_while_others_are_taken_back(tmp_path, broker):
@@ -339,13 +434,20 @@ def test_states_wait_while_others_are_taken_back(tmp_path, broker):
 
 def test_names_are_limited(tmp_path, broker):
     with serve(scenario(tmp_path), f"127.0.0.1:{broker.port}", tmp_path) as server, node(broker, "#") as feed:
-        for i in range(1001):
-            feed.publish(f"soilvdb/site/feed/{i}", b"{}")
-        assert "error" in feed.answers("999")[0]
-        assert feed.answers("1000") == [{"error": "too many names feed this site; end some of them"}]
-        feed.publish("soilvdb/site/feed/7", ENDED.encode())
-        answer, = feed.feed(STATES[:1], "1000")
-        assert "error" not in answer and link(server) == "live"
+        assert "error" not in feed.feed(STATES[:1], "0")[0]
+        for first in range(0, 1000, 100):   # quickly, or the first are silent
+            for i in range(first, first + 100):
+                feed._send(0x30, text(f"soilvdb/site/feed/{i}") + b"{}")
+            feed.answers(str(first + 99))
+        full = [{"error": "too many names feed this site; end some of them"}]
+        assert feed.feed(b"{}", "1000") == full
+        feed.publish("soilvdb/site/feed/0", LOST.encode())
+        assert feed.feed(b"{}", "1000") == full, "a machine belongs to the lost one"
+        assert link(server) == "lost"
+        feed.publish("soilvdb/site/feed/7", LOST.encode())
+        assert "error" not in feed.feed(STATES[1:2], "1000")[0] and link(server) == "live"
+        feed.publish("soilvdb/site/feed/8", ENDED.encode())
+        assert feed.feed(b"{}", "1001") != full
 
 
 def secured(folder, *more):
@@ -374,49 +476,45 @@ def test_passwords_come_from_a_file_or_the_environment_and_are_shown_nowhere(tmp
         for wrong in (("--mqtt-password-file", "wrong"), ()):
             tried = subprocess.run([PROGRAM, "serve", tmp_path / "site.yaml", "--port", "0", "--mqtt", address, "--out",
                                     tmp_path / "none", *wrong], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-            assert tried.returncode == 2 and "not authorised" in tried.stderr, tried.stderr
-            assert tried.stderr.strip().splitlines()[-1].endswith("; give USER@ and a --mqtt-password-file")
+            assert tried.returncode == 2 and "tried again" not in tried.stderr, tried.stderr
+            assert tried.stderr.endswith("not authorised; give USER@ and a --mqtt-password-file\n")
             assert not (tmp_path / "none").exists()
 
 
+def test_a_broker_that_refuses_ends_the_start(tmp_path):
+    with pytest.raises(AssertionError) as refused, peer(tmp_path, code=3):
+        pass
+    assert re.search(r"soilvdb: MQTT broker 127.0.0.1 port \d+: Connection Refused: broker unavailable\n$",
+                     str(refused.value))
+    assert "tried again" not in str(refused.value) and not (tmp_path / "out").exists()
+
+
 def test_a_site_that_may_not_read_its_topic_tells_so(tmp_path):
-    """A broker that takes the connection, and refuses the subscription; mosquitto alone never does so."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        def broker():
-            with listener.accept()[0] as link:
-                link.recv(1000)
-                link.sendall(b"\x20\2\0\0")
-                said = b""
-                while (at := said.find(b"\x82")) < 0 or len(said) < at + 4:
-                    said += link.recv(1000)
-                link.sendall(b"\x90\3" + said[at + 2:at + 4] + b"\x80")
-                while link.recv(1000):
-                    pass
-        threading.Thread(target=broker, daemon=True).start()
-        with serve(scenario(tmp_path), f"127.0.0.1:{listener.getsockname()[1]}", tmp_path) as server:
-            told(server, "this site may not read soilvdb/site/feed/+")
+    """Mosquitto alone never refuses a subscription."""
+    with peer(tmp_path, granted=0x80) as (server, _):
+        told(server, "this site may not read soilvdb/site/feed/+")
 
 
-def certificates(folder):
+def certificates(folder, names):
     def run(*arguments):
         subprocess.run(["openssl", *arguments], cwd=folder, check=True, capture_output=True)
     for name in ("ca", "other"):
         run("req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", f"/CN={name}", "-keyout",
             f"{name}.key", "-out", f"{name}.pem")
-    run("req", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost", "-keyout", "broker.key", "-out", "broker.csr")
-    (folder / "names").write_text("subjectAltName=DNS:localhost\n")
+    run("req", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=broker", "-keyout", "broker.key", "-out", "broker.csr")
+    (folder / "names").write_text(f"subjectAltName={names}\n")
     run("x509", "-req", "-in", "broker.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "2",
         "-extfile", "names", "-out", "broker.pem")
 
 
-@pytest.mark.parametrize("ca, address, why", [
-    ("ca.pem", "localhost", None), ("other.pem", "localhost", "certificate verify failed"),
-    ("ca.pem", "127.0.0.1", "certificate verify failed")], ids=["known", "unknown", "another name"])
-def test_tls_holds_only_with_whom_the_certificate_names(tmp_path, ca, address, why):
-    certificates(tmp_path)
+@pytest.mark.parametrize("ca, names, why", [
+    ("ca.pem", "IP:127.0.0.1", None), ("other.pem", "IP:127.0.0.1", "certificate verify failed"),
+    ("ca.pem", "DNS:localhost", "certificate verify failed")], ids=["known", "unknown", "another name"])
+def test_tls_holds_only_with_whom_the_certificate_names(tmp_path, ca, names, why):
+    certificates(tmp_path, names)
     with Broker(tmp_path, "allow_anonymous true", *(f"{key} {tmp_path / file}" for key, file in (
             ("cafile", "ca.pem"), ("certfile", "broker.pem"), ("keyfile", "broker.key")))) as broker:
-        with serve(scenario(tmp_path), f"mqtts://{address}:{broker.port}", tmp_path,
+        with serve(scenario(tmp_path), f"mqtts://127.0.0.1:{broker.port}", tmp_path,
                    env={"SSL_CERT_FILE": str(tmp_path / ca)}) as server:
             if why:
                 assert why in told(server, "warning: MQTT")
@@ -433,6 +531,8 @@ def test_tls_holds_only_with_whom_the_certificate_names(tmp_path, ca, address, w
     (["--mqtt", "host/a/#"], {}, "TOPIC has no + or #"), (["--mqtt", "host:"], {}, "must be a HOST"),
     (["--mqtt", "host:99999"], {}, "the port is 99999; it must be 1 to 65535"),
     (["--mqtt", ""], {}, "must be a HOST"),
+    (["--mqtt", "host/\udcff"], {}, "its topic must be UTF-8 without control characters; give another, HOST/TOPIC"),
+    (["--mqtt", "host/a\tb"], {}, "its topic must be UTF-8"),
     (["--mqtt", "host"], {"SOILVDB_MQTT_PASSWORD": "s3cret"}, "has a password, but of whom? Write USER@"),
     (["--mqtt", "me@host", "--mqtt-password-file", "none"], {}, "none"),
     (["--mqtt", "me@host", "--mqtt-password-file", "empty"], {}, "empty: is empty"),
@@ -449,11 +549,10 @@ def test_what_cannot_work_is_refused_before_anything_is_written(tmp_path, argume
 
 def test_a_build_without_mqtt_tells_how_to_get_it(tmp_path):
     try:
-        with serve(scenario(tmp_path), f"127.0.0.1:{free_port()}", tmp_path):
+        with Server(scenario(tmp_path), "--mqtt", f"127.0.0.1:{free_port()}", "--out", tmp_path / "out", cwd=tmp_path):
             pytest.skip("built with libmosquitto")
     except AssertionError as refused:
-        assert str(refused).endswith("soilvdb: --mqtt: this build has no MQTT: install libmosquitto-dev, and then "
-                                     "build soilvdb again\n")
+        assert str(refused).endswith(NO_MQTT)
     assert not (tmp_path / "out").exists()
 
 

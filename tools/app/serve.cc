@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
 #include "io/terrain/drape.h"
@@ -310,6 +311,10 @@ MqttOptions mqtt_options(const ServeOptions& options, const std::string& name) {
     std::replace_if(
         mqtt.topic.begin(), mqtt.topic.end(), [](char c) { return c == '+' || c == '#'; }, '_');
   }
+  const auto is_control = [](unsigned char c) { return c < ' ' || c == 0x7F; };
+  if (!io::is_utf8(mqtt.topic) || std::any_of(mqtt.topic.begin(), mqtt.topic.end(), is_control))
+    throw io::InputError(
+        "--mqtt: its topic must be UTF-8 without control characters; give another, HOST/TOPIC");
   if (options.mqtt_password_file) {
     mqtt.password = io::read_text(*options.mqtt_password_file, kMostToken_bytes);
     mqtt.password.erase(mqtt.password.find_last_not_of("\r\n") + 1);

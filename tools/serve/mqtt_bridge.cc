@@ -25,10 +25,12 @@ void MqttBridge::work(std::chrono::duration<double>) {}
 #include <fmt/format.h>
 #include <mosquitto.h>
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
 #include <cerrno>
 #include <condition_variable>
+#include <cstdio>
 #include <cstring>
 #include <deque>
 #include <functional>
@@ -44,6 +46,7 @@ void MqttBridge::work(std::chrono::duration<double>) {}
 #include "io/file/text.h"
 #include "soilvdb/io/error.h"
 #include "tools/run/text.h"
+#include "tools/serve/live_site.h"
 #include "tools/serve/server_state.h"
 
 namespace soilvdb::tools {
@@ -64,6 +67,7 @@ struct MosquittoLibrary {
   SOILVDB_OF_MQTT(mosquitto_message_callback_set);
   SOILVDB_OF_MQTT(mosquitto_new);
   SOILVDB_OF_MQTT(mosquitto_publish);
+  SOILVDB_OF_MQTT(mosquitto_publish_callback_set);
   SOILVDB_OF_MQTT(mosquitto_strerror);
   SOILVDB_OF_MQTT(mosquitto_subscribe);
   SOILVDB_OF_MQTT(mosquitto_subscribe_callback_set);
@@ -80,12 +84,34 @@ struct MosquittoLibrary {
   }
 };
 
-constexpr int kAtLeastOnce = 1;  // quality of service
+constexpr int kAtMostOnce = 0, kAtLeastOnce = 1;  // quality of service
 constexpr int kKeepAlive_s = 10, kLoop_ms = 100;
 constexpr std::size_t kMostWaiting_bytes = 4 << 20;
+// Of a message, and of what is said about a line: the answer is below 128 kB, quotes or not.
+constexpr int kMostLines = 200;
+constexpr std::size_t kLongestReason = 400;
+/// Answers that the broker has not acknowledged; more messages wait meanwhile.
+constexpr int kMostUnacknowledged = 256, kMostSent = 65535;  // the latter is the protocol's
 constexpr std::size_t kMostFeeds = 1000;  // whoever may publish could make up names without end
 constexpr std::chrono::seconds kTryAgain{2}, kFirstTry{5}, kGoodbye{1};
 constexpr std::string_view kLinkLost = R"({"link":"lost"})", kLinkEnded = R"({"link":"ended"})";
+
+/// In a sentence that goes on.
+std::string without_stop(std::string text) {
+  if (text.ends_with('.')) text.pop_back();
+  return text;
+}
+
+/// The answer to a line; a long list in a refusal is cut.
+std::string shortened(std::string answer) {
+  if (answer.size() <= kLongestReason || !is_refusal(answer)) return answer;
+  std::string why = nlohmann::json::parse(answer).at("error");
+  if (why.size() <= kLongestReason) return answer;
+  std::size_t end = kLongestReason;  // not within a UTF-8 character
+  while (end > 0 && (static_cast<unsigned char>(why[end]) & 0xC0) == 0x80) --end;
+  why.resize(end);
+  return io::to_text(nlohmann::ordered_json{{"error", why + "..."}});
+}
 
 struct MqttMessage {
   std::string name;        ///< last level of its topic
@@ -97,13 +123,16 @@ struct MqttMessage {
 struct MqttLink {
   const MosquittoLibrary& library = MosquittoLibrary::get();
   const MqttOptions options;
-  mosquitto* const client = library.mosquitto_new(nullptr, /*clean_session=*/true, this);
+  const std::unique_ptr<mosquitto, decltype(&::mosquitto_destroy)> owned{
+      library.mosquitto_new(nullptr, /*clean_session=*/true, this), library.mosquitto_destroy};
+  mosquitto* const client = owned.get();
+  std::atomic<int> unacknowledged = 0;  ///< messages that were published
   std::mutex mutex;
   std::condition_variable changed;
   // Guarded by `mutex`.
   std::function<void()> wake;
-  bool connected = false, ending = false, ended = false;
-  std::string refused = {}, detail = {}, told = {};
+  bool starting = true, connected = false, ending = false, ended = false;
+  std::string refused = {}, hint = {}, detail = {}, told = {};
   std::deque<MqttMessage> messages = {};
   std::size_t bytes = 0;
 
@@ -113,41 +142,74 @@ struct MqttLink {
     library.mosquitto_threaded_set(client, true);
     const std::string& password = options.password;
     if (!options.user.empty())
-      library.mosquitto_username_pw_set(client, options.user.c_str(),
-                                        password.empty() ? nullptr : password.c_str());
+      need(library.mosquitto_username_pw_set(client, options.user.c_str(),
+                                             password.empty() ? nullptr : password.c_str()),
+           "user and password can't be given");
     library.mosquitto_int_option(client, MOSQ_OPT_TCP_NODELAY, 1);  // answers go out at once
-    if (options.tls) library.mosquitto_int_option(client, MOSQ_OPT_TLS_USE_OS_CERTS, 1);
-    library.mosquitto_will_set(client, topic("link").c_str(), static_cast<int>(kLinkLost.size()),
-                               kLinkLost.data(), kAtLeastOnce, /*retain=*/true);
-    library.mosquitto_connect_callback_set(
-        client, [](mosquitto*, void* self, int code) { static_cast<MqttLink*>(self)->came(code); });
+    need(library.mosquitto_int_option(client, MOSQ_OPT_SEND_MAXIMUM, kMostSent),
+         "answers can't go out at once");
+    if (options.tls)
+      need(library.mosquitto_int_option(client, MOSQ_OPT_TLS_USE_OS_CERTS, 1),
+           "TLS with the certificates of this computer can't be had");
+    need(library.mosquitto_will_set(client, topic("link").c_str(),
+                                    static_cast<int>(kLinkLost.size()), kLinkLost.data(),
+                                    kAtLeastOnce, /*retain=*/true),
+         "there can't be a topic " + io::printable(topic("link")));
+    library.mosquitto_connect_callback_set(client, [](mosquitto*, void* self, int code) {
+      called(self, [&](MqttLink& of) { of.came(code); });
+    });
     library.mosquitto_subscribe_callback_set(
-        client, [](mosquitto*, void* self, int, int, const int* granted) {
-          auto& of = *static_cast<MqttLink*>(self);
-          constexpr int kNotGranted = 128;
-          if (*granted != kNotGranted)
-            return of.publish("link", R"({"link":"live"})", /*retain=*/true);
-          const std::lock_guard lock(of.mutex);
-          of.warn("this site may not read " + of.topic("feed/+"));
+        client, [](mosquitto*, void* self, int, int count, const int* granted) {
+          called(self, [&](MqttLink& of) { of.subscribed(count > 0 && *granted <= 2); });
         });
+    library.mosquitto_publish_callback_set(client, [](mosquitto*, void* self, int) {
+      called(self, [](MqttLink& of) { of.acknowledged(); });
+    });
     library.mosquitto_message_callback_set(
         client, [](mosquitto*, void* self, const mosquitto_message* message) {
-          static_cast<MqttLink*>(self)->take(*message);
+          called(self, [&](MqttLink& of) { of.take(*message); });
         });
     library.mosquitto_log_callback_set(
         client, [](mosquitto*, void* self, int level, const char* text) {
-          const std::string_view all(text);  // of OpenSSL, whose last part has the reason
-          if (level == MOSQ_LOG_ERR)
-            static_cast<MqttLink*>(self)->detail =
-                io::printable(std::string(all.substr(all.rfind(':') + 1)));
+          if (level != MOSQ_LOG_ERR) return;
+          called(self, [&](MqttLink& of) {
+            const std::string_view all(text);  // of OpenSSL, whose last part has the reason
+            of.detail = io::printable(std::string(all.substr(all.rfind(':') + 1)));
+          });
         });
   }
-  ~MqttLink() { library.mosquitto_destroy(client); }
 
+  /// Does the work of a callback. The library is C, which no exception may pass.
+  template <class Work>
+  static void called(void* self, const Work& work) noexcept {
+    try {
+      work(*static_cast<MqttLink*>(self));
+    } catch (const std::exception& error) {
+      std::fputs("soilvdb: warning: a message of MQTT is lost: ", stderr);
+      std::fputs(error.what(), stderr);
+      std::fputs("\n", stderr);
+    }
+  }
+  std::string reason(int code) const { return without_stop(library.mosquitto_strerror(code)); }
+  void need(int code, const std::string& fault) const {
+    if (code != MOSQ_ERR_SUCCESS) throw io::InputError(line(fault + ": " + reason(code)));
+  }
   std::string topic(const std::string& below) const { return options.topic + '/' + below; }
-  void publish(const std::string& below, std::string_view text, bool retain = false) {
-    library.mosquitto_publish(client, nullptr, topic(below).c_str(), static_cast<int>(text.size()),
-                              text.data(), kAtLeastOnce, retain);
+  void publish(const std::string& below, std::string_view text, bool retain = false,
+               int quality = kAtLeastOnce) {
+    ++unacknowledged;
+    const int code =
+        library.mosquitto_publish(client, nullptr, topic(below).c_str(),
+                                  static_cast<int>(text.size()), text.data(), quality, retain);
+    if (code == MOSQ_ERR_SUCCESS || code == MOSQ_ERR_NO_CONN) return;  // it goes out later
+    --unacknowledged;
+    const std::lock_guard lock(mutex);
+    warn("a message to " + io::printable(topic(below)) + " can't be sent: " + reason(code));
+  }
+  void acknowledged() {
+    --unacknowledged;
+    const std::lock_guard lock(mutex);
+    if (!messages.empty()) wake();
   }
   std::string line(const std::string& what) const {
     return fmt::format("MQTT broker {} port {}: {}", io::printable(options.host), options.port,
@@ -160,20 +222,39 @@ struct MqttLink {
 
   /// The broker has answered.
   void came(int code) {
-    if (code == 0)
-      library.mosquitto_subscribe(client, nullptr, topic("feed/+").c_str(), kAtLeastOnce);
+    const int asked = code != 0 ? MOSQ_ERR_SUCCESS
+                                : library.mosquitto_subscribe(
+                                      client, nullptr, topic("feed/+").c_str(), kAtLeastOnce);
     const std::lock_guard lock(mutex);
     connected = code == 0;
-    if (!connected)
-      refused = library.mosquitto_connack_string(code);
-    else if (!told.empty())
+    if (!connected) {
+      constexpr int kWrongPassword = 4, kNotAuthorised = 5;
+      refused = without_stop(library.mosquitto_connack_string(code));
+      hint = code == kWrongPassword || code == kNotAuthorised
+                 ? "; give USER@ and a --mqtt-password-file"
+                 : "";
+      ending |= starting;
+    } else if (!told.empty()) {
       warn("it is there again");
+    }
+    if (asked != MOSQ_ERR_SUCCESS)
+      warn(io::printable(topic("feed/+")) + " can't be read: " + reason(asked));
     changed.notify_all();
   }
 
+  void subscribed(bool granted) {
+    if (granted) return publish("link", R"({"link":"live"})", /*retain=*/true);
+    const std::lock_guard lock(mutex);
+    warn("this site may not read " + io::printable(topic("feed/+")));
+  }
+
   void take(const mosquitto_message& message) {
-    MqttMessage made{std::string(message.topic).substr(topic("feed/").size())};
+    const std::string_view at(message.topic);
+    const std::string below = topic("feed/");
+    if (!at.starts_with(below)) return;
+    MqttMessage made{std::string(at.substr(below.size()))};
     const auto size = static_cast<std::size_t>(message.payloadlen);
+    const std::string_view text(size > 0 ? static_cast<const char*>(message.payload) : "", size);
     const std::lock_guard lock(mutex);
     if (bytes > 2 * kMostWaiting_bytes)
       return warn("messages come faster than they can be refused");
@@ -181,10 +262,13 @@ struct MqttLink {
       made.fault = "a retained message is of some time before; publish states without 'retain'";
     else if (size > kMostFeed)
       made.fault = "the message is larger than 64 kB; send fewer lines at once";
+    else if (std::count(text.begin(), text.end(), '\n') + !text.ends_with('\n') > kMostLines)
+      made.fault =
+          fmt::format("the message has more than {} lines; send fewer at once", kMostLines);
     else if (bytes + size > kMostWaiting_bytes)
       made.fault = "the site doesn't keep up; send it again, and wait for answers";
-    else if (size > 0)
-      made.text.assign(static_cast<const char*>(message.payload), size);
+    else
+      made.text = text;
     bytes += size_of(made);
     messages.push_back(std::move(made));
     wake();
@@ -192,9 +276,10 @@ struct MqttLink {
   static std::size_t size_of(const MqttMessage& message) {
     return sizeof(message) + message.name.size() + message.text.size() + message.fault.size();
   }
+  /// None while too many answers wait for the broker.
   std::optional<MqttMessage> next() {
     const std::lock_guard lock(mutex);
-    if (messages.empty()) return {};
+    if (messages.empty() || unacknowledged >= kMostUnacknowledged) return {};
     MqttMessage first = std::move(messages.front());
     messages.pop_front();
     bytes -= size_of(first);
@@ -210,7 +295,7 @@ struct MqttLink {
       if (ending) break;
     }
     if (code == MOSQ_ERR_ERRNO) return std::strerror(errno);
-    return library.mosquitto_strerror(code) + (code == MOSQ_ERR_TLS ? ' ' + detail : "");
+    return reason(code) + (code == MOSQ_ERR_TLS ? ": " + detail : "");
   }
 
   void run() {
@@ -225,7 +310,7 @@ struct MqttLink {
       changed.wait_for(lock, kTryAgain, [&] { return ending; });
       refused.clear();
     }
-    publish("link", kLinkEnded, /*retain=*/true);
+    publish("link", kLinkEnded, /*retain=*/true, kAtMostOnce);
     library.mosquitto_disconnect(client);
     for (int i = 0; library.mosquitto_want_write(client) && i < kLoop_ms; ++i)
       if (library.mosquitto_loop(client, 1, 1) != MOSQ_ERR_SUCCESS) break;
@@ -263,11 +348,22 @@ struct MqttBridge::Feeds {
     if (std::exchange(of.source->link, to) != to) state.tell_soon();
   }
 
+  /// A lost name that no machine belongs to. @return is there one?
+  bool forget_one() {
+    const auto found = std::find_if(fed.begin(), fed.end(), [](const auto& entry) {
+      const auto& source = entry.second.source;
+      return source->link == FeedSource::Link::kLost && source.use_count() == 1;
+    });
+    if (found == fed.end()) return false;
+    fed.erase(found);
+    return true;
+  }
+
   /// Null: there are too many.
   Fed* heard(const std::string& name) {
     auto found = fed.find(name);
     if (found == fed.end()) {
-      if (fed.size() >= kMostFeeds) return nullptr;
+      if (fed.size() >= kMostFeeds && !forget_one()) return nullptr;
       found = fed.emplace(name, Fed()).first;
       found->second.source->name = "MQTT topic " + io::printable(link->topic("feed/" + name));
     }
@@ -308,7 +404,9 @@ struct MqttBridge::Feeds {
     if (message) {
       if (Fed* from = heard(message->name); from == nullptr) {
         refuse("too many names feed this site; end some of them");
-      } else if (!lines.feed(state.feed_of(from->source))) {
+      } else if (!lines.feed([feed = state.feed_of(from->source)](std::string_view line) {
+                   return shortened(feed(line));
+                 })) {
         link->publish("answers/" + message->name, lines.answers());
         message.reset();
       }
@@ -346,11 +444,12 @@ MqttBridge::MqttBridge(ServerState& state, const MqttOptions& options)
   MqttLink& link = *feeds_->link;
   std::thread([shared = feeds_->link] { shared->run(); }).detach();
   std::unique_lock lock(link.mutex);
-  link.changed.wait_for(lock, kFirstTry, [&] { return link.connected || !link.told.empty(); });
-  if (link.refused.empty()) return;
-  link.ending = true;
+  link.changed.wait_for(lock, kFirstTry,
+                        [&] { return link.connected || link.ending || !link.told.empty(); });
+  link.starting = false;
+  if (!link.ending) return;
   link.wake = [] {};
-  throw io::InputError(link.line(link.refused + "; give USER@ and a --mqtt-password-file"));
+  throw io::InputError(link.line(link.refused + link.hint));
 }
 
 MqttBridge::~MqttBridge() { feeds_->link->end(); }
