@@ -11,8 +11,10 @@ import socket
 import ssl
 import struct
 import subprocess
+import textwrap
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from live import PROGRAM, Server, passes, scenario
@@ -24,6 +26,7 @@ SOIL = "soil: {repose_angle: 0.6, swell: 0.2}\noutput: {journal: {sync: always}}
 STATES = list(passes("digger", 0.0, 0.3, 60))
 LOST, ENDED = '{"link": "lost"}', '{"link": "ended"}'
 SECONDS = 30
+GUIDE = Path(__file__).parents[2] / "tools/guide/live.md"
 NO_MQTT = "soilvdb: --mqtt: this build has no MQTT: install libmosquitto-dev, and then build soilvdb again\n"
 
 
@@ -479,6 +482,23 @@ def test_passwords_come_from_a_file_or_the_environment_and_are_shown_nowhere(tmp
             assert tried.returncode == 2 and "tried again" not in tried.stderr, tried.stderr
             assert tried.stderr.endswith("not authorised; give USER@ and a --mqtt-password-file\n")
             assert not (tmp_path / "none").exists()
+
+
+def test_the_access_list_of_the_guide(tmp_path):
+    """The site has what it needs, and each user a feed of its name."""
+    listed = re.search(r"^    user site\n(    .+\n)+", GUIDE.read_text(encoding="utf-8"), re.M).group()
+    (tmp_path / "access").write_text(textwrap.dedent(listed))
+    with secured(tmp_path, f"acl_file {tmp_path / 'access'}") as broker:
+        with serve(scenario(tmp_path), f"site@127.0.0.1:{broker.port}/soilvdb/live", tmp_path,
+                   env={"SOILVDB_MQTT_PASSWORD": "s3cret word"}) as server, \
+                Node(broker.port, user=("digger", "d1g")) as feed:
+            feed.subscribe("soilvdb/live/answers/digger").subscribe("soilvdb/live/link")
+            assert feed.next("soilvdb/live/link") == b'{"link":"live"}'
+            feed.publish("soilvdb/live/feed/plate", json.dumps(STATES[0]).encode())
+            assert "error" not in feed.feed(STATES[1:2], "digger", "soilvdb/live")[0]
+            assert server.json("/summary.json")["updates"] == 1
+            server.stop()
+            assert feed.next("soilvdb/live/link") == b'{"link":"ended"}'
 
 
 def test_a_broker_that_refuses_ends_the_start(tmp_path):

@@ -87,7 +87,7 @@ struct MosquittoLibrary {
 constexpr int kAtMostOnce = 0, kAtLeastOnce = 1;  // quality of service
 constexpr int kKeepAlive_s = 10, kLoop_ms = 100;
 constexpr std::size_t kMostWaiting_bytes = 4 << 20;
-// Of a message, and of what is said about a line: the answer is below 128 kB, quotes or not.
+// Of a message, and of what is said about a line: its answer is below 128 kB, quotes or not.
 constexpr int kMostLines = 200;
 constexpr std::size_t kLongestReason = 400;
 /// Answers that the broker has not acknowledged; more messages wait meanwhile.
@@ -123,9 +123,6 @@ struct MqttMessage {
 struct MqttLink {
   const MosquittoLibrary& library = MosquittoLibrary::get();
   const MqttOptions options;
-  const std::unique_ptr<mosquitto, decltype(&::mosquitto_destroy)> owned{
-      library.mosquitto_new(nullptr, /*clean_session=*/true, this), library.mosquitto_destroy};
-  mosquitto* const client = owned.get();
   std::atomic<int> unacknowledged = 0;  ///< messages that were published
   std::mutex mutex;
   std::condition_variable changed;
@@ -135,6 +132,10 @@ struct MqttLink {
   std::string refused = {}, hint = {}, detail = {}, told = {};
   std::deque<MqttMessage> messages = {};
   std::size_t bytes = 0;
+  // Not guarded, and last, because it calls until it is destroyed.
+  const std::unique_ptr<mosquitto, decltype(&::mosquitto_destroy)> owned{
+      library.mosquitto_new(nullptr, /*clean_session=*/true, this), library.mosquitto_destroy};
+  mosquitto* const client = owned.get();
 
   MqttLink(const MqttOptions& options_, std::function<void()> wake_)
       : options(options_), wake(std::move(wake_)) {
@@ -160,7 +161,7 @@ struct MqttLink {
     });
     library.mosquitto_subscribe_callback_set(
         client, [](mosquitto*, void* self, int, int count, const int* granted) {
-          called(self, [&](MqttLink& of) { of.subscribed(count > 0 && *granted <= 2); });
+          called(self, [&](MqttLink& of) { of.subscribed(count > 0 && *granted <= kAtLeastOnce); });
         });
     library.mosquitto_publish_callback_set(client, [](mosquitto*, void* self, int) {
       called(self, [](MqttLink& of) { of.acknowledged(); });
