@@ -404,7 +404,7 @@ def test_the_goodbye_waits_for_no_acknowledgement(tmp_path):
     with peer(tmp_path) as (server, broker):
         kind, body = broker.read()
         assert (kind, body[-15:]) == (0x33, b'{"link":"live"}')
-        for topic in ("a", "soilvdb/site/feed", "soilvdb/site/link"):   # what it has not subscribed to
+        for topic in ("a", "soilvdb/site/feed", "soilvdb/site/answers/gateway"):   # what it has not subscribed to
             broker.send(b"[]", topic)
         for _ in range(300):
             broker.send(b"{}")
@@ -507,6 +507,18 @@ def test_a_broker_that_refuses_ends_the_start(tmp_path):
     assert re.search(r"soilvdb: MQTT broker 127.0.0.1 port \d+: Connection Refused: broker unavailable\n$",
                      str(refused.value))
     assert "tried again" not in str(refused.value) and not (tmp_path / "out").exists()
+
+
+def test_a_broker_that_refuses_later_is_tried_again(tmp_path):
+    port = free_port()
+    with serve(scenario(tmp_path), f"127.0.0.1:{port}", tmp_path) as server:
+        told(server, "Connection refused; it is tried again and again")
+        with socket.create_server(("127.0.0.1", port)) as listener:
+            listener.settimeout(SECONDS)
+            with Peer(listener, code=3):
+                told(server, "broker unavailable; it is tried again and again")
+            with Peer(listener):
+                told(server, "it is there again")
 
 
 def test_a_site_that_may_not_read_its_topic_tells_so(tmp_path):
