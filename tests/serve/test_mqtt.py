@@ -204,9 +204,12 @@ def peer(folder, **options):
     with socket.create_server(("127.0.0.1", 0)) as listener, concurrent.futures.ThreadPoolExecutor(1) as thread:
         listener.settimeout(SECONDS)
         came = thread.submit(Peer, listener, **options)
-        with serve(scenario(folder), f"127.0.0.1:{listener.getsockname()[1]}", folder) as server, \
-                came.result(SECONDS) as broker:
-            yield server, broker
+        try:
+            with serve(scenario(folder), f"127.0.0.1:{listener.getsockname()[1]}", folder) as server, \
+                    came.result(SECONDS) as broker:
+                yield server, broker
+        finally:
+            listener.shutdown(socket.SHUT_RDWR)   # or its thread waits, where no site came
 
 
 @pytest.fixture
