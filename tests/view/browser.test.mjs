@@ -661,7 +661,7 @@ looking('the force on a bucket is an arrow to its lip and a gauge, while it is s
   const later = await forceOf(page, 'digger', Math.hypot(...less));
   assert.ok(later.all.includes(`Largest ${first.value}`), `${later.all} has ${first.value}`);
 
-  await page.uncheck('#force');
+  await page.keyboard.press('k');   // in a small picture the box is behind a button
   assert.equal((await shownForce(page, 'blade')).arrow, null);
   assert.ok(await page.isHidden('#forces'));
   await states(2);
@@ -671,7 +671,7 @@ looking('the force on a bucket is an arrow to its lip and a gauge, while it is s
 });
 
 looking('forces at another time are those of then', recorded, async (page) => {
-  await page.check('#force');
+  await page.keyboard.press('k');
   await page.waitForSelector('.force .gauge:not([hidden])');
   assert.match((await shownForce(page, 'excavator')).all, /Largest [0-9]/);
   let largest_n = 0;
@@ -704,7 +704,7 @@ test('a server that falls silent is said to be lost within 5 s, and found again'
     const {page, close} = await site.open(browser, server.url);
     const state = (name) => page.waitForSelector(`#connection[data-state=${name}]`);
     await state('live');
-    await page.check('#force');
+    await page.keyboard.press('k');
     const sent = [];
     page.on('websocket', (socket) => socket.on('framesent', ({payload}) => sent.push(payload)));
     let took_s = Infinity;
