@@ -63,10 +63,10 @@ void LookResult::check() const {
 
 /// That of the exception that is being handled.
 LookResult LookResult::of_exception() noexcept {
-  const auto because = [](Fault fault, const char* why) {
-    LookResult result{fault, {}};
+  const auto because = [](Fault kind, const char* reason) {
+    LookResult result{kind, {}};
     try {
-      result.why = why;
+      result.why = reason;
     } catch (const std::bad_alloc&) {  // there is no memory for the reason
     }
     return result;
