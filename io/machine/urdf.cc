@@ -1,11 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reads URDF with TinyXML-2: links, joints, and their frames, axes and limits. No text of the file
-// reaches a formatting function of the parser; of its errors only number and line are used.
+// Reads URDF: links, joints, and their frames, axes and limits.
 #include "soilvdb/io/urdf.h"
 
 #include <fmt/format.h>
-#include <tinyxml2.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,6 +17,7 @@
 
 #include "io/file/json.h"
 #include "io/file/text.h"
+#include "io/file/xml.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -27,47 +26,15 @@ using tinyxml2::XMLElement;
 
 constexpr std::size_t kMaxUrdfBytes = 16 << 20;
 
-/// Refuses files that are not UTF-8, because names go into messages and summaries.
-void check_encoding(const std::filesystem::path& file, std::string_view text) {
-  long line = 1;
-  for (std::size_t from = 0, end = 0; from < text.size(); from = end + 1, ++line) {
-    end = std::min(text.find('\n', from), text.size());
-    if (!is_utf8(text.substr(from, end - from)))
-      throw InputError(file, line, "isn't UTF-8; convert the file to that");
-  }
-}
-
-const char* explain(tinyxml2::XMLError error) {
-  switch (error) {
-    case tinyxml2::XML_ERROR_PARSING_ATTRIBUTE:
-      return "an attribute isn't name=\"value\"; the file may be cut short";
-    case tinyxml2::XML_ERROR_PARSING_COMMENT:
-      return "a comment isn't closed; '-->' is missing";
-    case tinyxml2::XML_ERROR_PARSING_CDATA:
-      return "a CDATA section isn't closed; ']]>' is missing";
-    case tinyxml2::XML_ERROR_MISMATCHED_ELEMENT:
-      return "an element isn't closed, or closed without being opened; each needs an end tag";
-    case tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED:
-      return "elements are nested too deep; a URDF has about five levels";
-    case tinyxml2::XML_ERROR_PARSING_ELEMENT:
-    case tinyxml2::XML_ERROR_PARSING:
-      return "a tag isn't closed; the file may be cut short";
-    default:
-      return "isn't XML; a URDF begins with <robot name=\"...\">";
-  }
-}
-
 /// The links and joints of a URDF file.
 class Robot {
  public:
   Robot(const std::filesystem::path& file, std::string_view text) : file_(file) {
-    if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS)
-      throw InputError(file_, document_.ErrorLineNum(), explain(document_.ErrorID()));
-    const XMLElement* robot = document_.RootElement();
-    if (robot == nullptr) throw InputError(file_, "has no element; a URDF is a <robot>");
-    if (robot->Name() != std::string_view("robot")) fail(*robot, "is not the <robot> of a URDF");
-    refuse_xacro(*robot);
-    for (const auto* e = robot->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    const XMLElement& robot =
+        parse_xml(file_, text, "a URDF begins with <robot name=\"...\">", document_);
+    if (robot.Name() != std::string_view("robot")) fail(robot, "is not the <robot> of a URDF");
+    refuse_xacro(robot);
+    for (const auto* e = robot.FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
       const std::string_view kind = e->Name();
       if (kind == "link") {
         unique(links_, *e);
@@ -76,7 +43,7 @@ class Robot {
         by_child_.emplace(linked(*e, "child"), e);
       }
     }
-    if (links_.empty()) fail(*robot, "has no link");
+    if (links_.empty()) fail(robot, "has no link");
   }
 
   bool has_link(const std::string& link) const { return links_.contains(link); }
@@ -302,9 +269,7 @@ std::string limits_in_degrees(const Chain& chain) {
 }
 
 Chain read_chain(const std::filesystem::path& file, const std::string& link) {
-  const std::string text = read_text(file, kMaxUrdfBytes);
-  check_encoding(file, text);
-  const Robot robot(file, text);
+  const Robot robot(file, read_text(file, kMaxUrdfBytes));
   if (!robot.has_link(link)) {
     throw std::invalid_argument(fmt::format("no link '{}' in {}; did you mean '{}'?",
                                             printable(link), file.filename().string(),

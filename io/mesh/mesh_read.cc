@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include "io/file/text.h"
+#include "io/mesh/collada.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/mesh_file.h"
 
@@ -21,10 +22,6 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::uintmax_t kMostMeshBytes = std::uintmax_t{1} << 29;
-
-constexpr const char* kFromCollada =
-    ": `assimp export X.dae X.obj` of the package assimp-utils makes one in metres with y up, "
-    "Blender also with z up";
 
 using MeshPoint = std::array<float, 3>;
 
@@ -147,19 +144,36 @@ Mesh read_stl(const std::filesystem::path& file, std::string_view bytes) {
   return corners.take();
 }
 
+Mesh welded(const std::vector<std::array<Vec3, 3>>& triangles) {
+  WeldedMesh corners;
+  for (const auto& triangle : triangles) {
+    std::array<std::uint32_t, 3> t;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector3f p = triangle[k].cast<float>();
+      t[k] = corners.point({p.x(), p.y(), p.z()});
+    }
+    corners.triangle(t[0], t[1], t[2]);
+  }
+  return corners.take();
+}
+
+Mesh read(const std::filesystem::path& file, const std::string& suffix) {
+  if (suffix == ".dae") return welded(read_collada(file));
+  std::ifstream in(file, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  return suffix == ".obj" ? read_obj(file, bytes) : read_stl(file, bytes);
+}
+
 }  // namespace
 
 Mesh read_mesh(const std::filesystem::path& file) {
   check_readable(file);
   const std::string suffix = suffix_of(file);
-  if (suffix != ".obj" && suffix != ".stl")
-    throw InputError(file, fmt::format("is not a readable mesh; use .stl or .obj{}",
-                                       suffix == ".dae" ? kFromCollada : ""));
+  if (suffix != ".obj" && suffix != ".stl" && suffix != ".dae")
+    throw InputError(file, "is not a readable mesh; use .stl, .obj or .dae");
   if (std::filesystem::file_size(file) > kMostMeshBytes)
     throw InputError(file, "is larger than 512 MB; a tool needs only some thousand triangles");
-  std::ifstream in(file, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  Mesh mesh = suffix == ".obj" ? read_obj(file, bytes) : read_stl(file, bytes);
+  const Mesh mesh = read(file, suffix);
   for (const Eigen::Vector3f& p : mesh.points)
     if (!p.allFinite()) throw InputError(file, "has a point that is not a number");
   if (mesh.triangles.empty()) throw InputError(file, "has no triangles");

@@ -405,8 +405,8 @@ def test_a_real_buckets_mesh_holds_its_struck_volume(tmp_path, taper):
 
 
 @pytest.mark.parametrize("change, message", [
-    ({"file": "bucket.dae"}, "bucket.dae: is not a readable mesh; use .stl or .obj: `assimp export X.dae "
-     "X.obj` of the package assimp-utils makes one in metres with y up, Blender also with z up"),
+    ({"file": "bucket.ply"}, "bucket.ply: is not a readable mesh; use .stl, .obj or .dae"),
+    ({"file": "bucket.dae"}, "bucket.dae: has no triangles"),
     ({"file": "none.obj"}, "none.obj: "),
     ({"file": "text.obj"}, "text.obj: has no triangles"),
     ({"lip": [(0, 0, 0)]}, "lip has 1 points; it must be the 2 ends (x, y, z) of the cutting edge"),
@@ -421,6 +421,7 @@ def test_a_mesh_that_is_no_bucket_is_told_in_one_line(tmp_path, monkeypatch, cha
     given = {"file": "box.obj", "lip": box_mesh(tmp_path / "box.obj"), "unit": 0.001, **change}
     (tmp_path / "text.obj").write_text("hello\n")
     (tmp_path / "bucket.dae").write_text("<COLLADA/>\n")
+    (tmp_path / "bucket.ply").write_text("ply\n")
     with pytest.raises(ValueError) as told:
         soilvdb.Bucket.from_mesh(**given)
     assert str(told.value).startswith(message) and "\n" not in str(told.value)

@@ -105,9 +105,10 @@ void bind_values(py::module_& m) {
           py::arg("unit") = 1.0, py::arg("dump_angle") = py::none(),
           "A bucket with the inside of a real bucket's mesh: profile, width between the side "
           "plates, height of the mouth. The mesh may have thickness, teeth and lugs, and small "
-          "gaps. file: .stl or .obj. lip: (2, 3), both ends of the cutting edge, in coordinates of "
-          "the file, in any order. upper: (3,), a point of the mouth's upper edge; default: it is "
-          "found. unit: metres per unit of the file. Raises ValueError if the lip is not on the "
+          "gaps. file: .stl, .obj or .dae. lip: (2, 3), both ends of the cutting edge, in "
+          "coordinates of the file, in any order. upper: (3,), a point of the mouth's upper edge; "
+          "default: it is found. unit: metres per unit of the file; a .dae says its own and is in "
+          "metres already. Raises ValueError if the lip is not on the "
           "mesh, or if the mesh is open elsewhere than at its mouth.")
       .def_static(
           "pose_in_mesh",
@@ -181,7 +182,8 @@ void bind_values(py::module_& m) {
       },
       py::arg("mesh"), py::arg("voxel"),
       "A tool of any closed shape in place of a bucket: blade, auger, ripper. It holds no soil and "
-      "pushes aside the soil that it passes. mesh: an .stl or .obj file in the tool's frame, m. "
+      "pushes aside the soil that it passes. mesh: an .stl, .obj or .dae file in the tool's frame, "
+      "m. "
       "voxel: voxel size of the tool's distance field, m. Flat faces are exact at any size. Parts "
       "thinner than two voxels are lost; a UserWarning names a loss above 1 % of the volume. "
       "Raises ValueError if the mesh is not closed.");

@@ -29,8 +29,8 @@ struct MeshBucket {
 /// gives the profile, simplified to 0.15 % of the height. The width is the volume between the side
 /// plates divided by the area of the profile: struck_m3() is then the volume of the mesh, also if
 /// its sides taper. The mouth of a lip that is curved is the straight line between its ends.
-/// @param file .stl or .obj
-/// @param unit_m metres per unit of the file
+/// @param file .stl, .obj or .dae; see read_mesh()
+/// @param unit_m metres per unit of the file; 1 for .dae, which is read in metres
 /// @throw InputError naming the file, the cause and the remedy
 MeshBucket read_bucket_mesh(const std::filesystem::path& file, const MouthEdges& edges,
                             double unit_m = 1);

@@ -20,8 +20,9 @@ namespace soilvdb::inline v0::io {
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh, const Vec3& origin,
                 const std::string& crs_wkt);
 
-/// Reads all triangles of an STL or OBJ file, in its own coordinates. Merges points with equal
-/// coordinates. Faces with more than three corners must be convex.
+/// Reads all triangles of an STL or OBJ file in its own coordinates, or of the scene of a COLLADA
+/// file (.dae) in metres by its unit and in its axes. Merges points with equal coordinates. Faces
+/// with more than three corners must be convex.
 /// @throw InputError if the file can't be read, has no triangles, or has a point that is not finite
 Mesh read_mesh(const std::filesystem::path& file);
 
