@@ -22,7 +22,8 @@ class TileReader {
   enum class By { kHeights, kSamples, kTerrain };
 
   /// @param columns bits of those to read
-  TileReader(BaseColumns& base, int cx, int cy, int ceiling, By by,
+  /// @param tile of nothing yet
+  TileReader(BaseColumns& base, int cx, int cy, int ceiling, By by, ColumnTile& tile,
              std::uint64_t columns = ~std::uint64_t{0})
       : cx_(cx),
         cy_(cy),
@@ -32,24 +33,21 @@ class TileReader {
         above_(ground_.above_base()),
         ceiling_(ceiling),
         columns_(columns),
-        terrain_(base.chunks()) {}
+        terrain_(base.chunks()),
+        tile_(tile) {}
 
-  ColumnTile read() {
+  void read() {
     if (!base_.some && !raised()) {
       tile_.read = ~std::uint64_t{0};
-      return tile_;
+      return;
     }
-    if (by_ == By::kHeights) {
-      read(columns_);
-      return tile_;
-    }
+    if (by_ == By::kHeights) return read(columns_);
     last_ = last_chunk();
     // None above the highest is mixed, whatever the ceiling.
     terrain_.begin((base_.highest - last_) / kChunkSide + 1);
     read(columns_);
     // The terrain's samples take longest to make.
     if (!terrain_.empty()) read(~columns_);
-    return tile_;
   }
 
   /// The lowest chunk that is looked at, some way below the terrain's lowest ground here.
@@ -239,37 +237,51 @@ class TileReader {
   SOILVDB_FOR_CPUS void through_samples(const Soil& soil, const Samples* loose, int z) {
     tile_.has_loose |= loose != nullptr;
     any_piece_ = true;
+    const auto highest = [](std::uint32_t cells) {
+      return static_cast<int>(std::bit_width(cells)) - 1;
+    };
     for (std::uint64_t left = open_; left != 0; left &= left - 1) {
-      const int c = std::countr_zero(left);
+      const int c = std::countr_zero(left), row = c * kChunkSide;
       Walk& walk = walks_[c];
-      const int row = c * kChunkSide;
-      const std::uint32_t some = soil.any_of_row(row);
-      const std::uint32_t full = soil.full_of_row(row);
+      const std::uint32_t some = soil.any_of_row(row), full = soil.full_of_row(row);
       const std::uint32_t moved = loose != nullptr ? loose->any_of_row(row) : 0;
-      for (int k = topmost(z); k >= 0 && (open_ & bit(c)) != 0;) {
-        if ((some >> k & 1) == 0) {  // down to the next that has some
+      const std::uint32_t all_moved = loose != nullptr ? loose->full_of_row(row) : 0;
+      for (int k = topmost(z); k >= 0;) {
+        const std::uint32_t down = (2u << k) - 1;  // cells from k on
+        if ((some >> k & 1) == 0) {                // down to the next that has some
           gap(c, z + k);
-          k = static_cast<int>(std::bit_width(some & ((1u << k) - 1))) - 1;
+          k = highest(some & down);
           continue;
         }
-        const int all = (full >> k & 1) != 0 ? 64 : std::popcount(soil.word(row + k));
-        const int bank = (moved >> k & 1) != 0 ? all - std::popcount(loose->word(row + k)) : all;
-        const double solid = z + k + 0.5;
-        found(c, solid);
-        if (bank == 64) {
-          end(c, solid, z + k);
-        } else if (all < 64) {
-          walk.filled = false;
-        } else if (!walk.filled) {
-          walk.filled = true;
-          walk.full = z + k;
+        found(c, z + k + 0.5);
+        // Those with soil above air, or above what is full of bank.
+        const int bank_full = highest(full & ~moved & down);
+        const int under = std::max(highest(~some & down), bank_full);
+        const std::uint32_t cells = down & ~((1u << (under + 1)) - 1);
+        if (cells != 0) {
+          const std::uint32_t pores = cells & ~full;
+          int all = 64 * std::popcount(cells & full);
+          for (std::uint32_t i = pores; i != 0; i &= i - 1)
+            all += std::popcount(soil.word(row + std::countr_zero(i)));
+          int bank = all - 64 * std::popcount(cells & all_moved);
+          for (std::uint32_t i = cells & moved & ~all_moved; i != 0; i &= i - 1)
+            bank -= std::popcount(loose->word(row + std::countr_zero(i)));
+          if (pores != 0 || !walk.filled) {
+            const int filled = pores != 0 ? std::countr_zero(pores) - 1 : k;
+            walk.filled = filled > under;
+            walk.full = z + filled;
+          }
+          if (walk.piece == 0) walk.piece_high = z + k;
+          walk.piece += all;
+          walk.piece_bank += bank;
+          walk.above += all;
+          walk.bank_above += bank;
         }
-        if (walk.piece == 0) walk.piece_high = z + k;
-        walk.piece += all;
-        walk.piece_bank += bank;
-        walk.above += all;
-        walk.bank_above += bank;
-        --k;
+        if (under == bank_full && under >= 0) {
+          end(c, z + under + 0.5, z + under);
+          break;
+        }
+        k = under;
       }
     }
   }
@@ -283,7 +295,7 @@ class TileReader {
   const std::uint64_t columns_;
   TerrainChunks& terrain_;
   int last_ = 0;  // as last_chunk(), if samples are read
-  ColumnTile tile_;
+  ColumnTile& tile_;
   Walk walks_[kCells];
   std::uint64_t open_ = 0;  // columns whose bank isn't found
   bool any_piece_ = false;
@@ -292,17 +304,22 @@ class TileReader {
 }  // namespace
 
 ColumnTile read_tile(BaseColumns& base, int cx, int cy) {
-  return TileReader(base, cx, cy, kNoCeiling, TileReader::By::kHeights).read();
+  ColumnTile tile;
+  TileReader(base, cx, cy, kNoCeiling, TileReader::By::kHeights, tile).read();
+  return tile;
 }
 
 bool is_touched(BaseColumns& base, int cx, int cy) {
-  return TileReader(base, cx, cy, kNoCeiling, TileReader::By::kSamples).is_touched();
+  ColumnTile tile;
+  return TileReader(base, cx, cy, kNoCeiling, TileReader::By::kSamples, tile).is_touched();
 }
 
 ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial,
                              std::uint64_t columns) {
   using By = TileReader::By;
-  return TileReader(base, cx, cy, ceiling, initial ? By::kTerrain : By::kSamples, columns).read();
+  ColumnTile tile;
+  TileReader(base, cx, cy, ceiling, initial ? By::kTerrain : By::kSamples, tile, columns).read();
+  return tile;
 }
 
 GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
@@ -311,10 +328,13 @@ GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
 
 const ColumnTile& GroundColumns::tile(int cx, int cy) {
   if (!reaches({cx, cy})) throw OutOfReach();
-  const auto known = tiles_.find(plan_key({cx, cy}));
-  if (known != tiles_.end()) return known->second;
-  ColumnTile tile = read_tile(base_, cx, cy);
-  return tiles_.emplace(plan_key({cx, cy}), std::move(tile)).first->second;
+  Kept& kept = tiles_[plan_key({cx, cy})];
+  if (!kept.is_new) {
+    kept.tile = {};
+    TileReader(base_, cx, cy, kNoCeiling, TileReader::By::kHeights, kept.tile).read();
+    kept.is_new = true;
+  }
+  return kept.tile;
 }
 
 std::vector<Coord2> GroundColumns::take_changes() {
@@ -323,7 +343,8 @@ std::vector<Coord2> GroundColumns::take_changes() {
   for (const Coord3& origin : changes_.take()) {
     const Coord2 tile(origin.head<2>());
     if (!changed.empty() && changed.back() == tile) continue;
-    tiles_.erase(plan_key(tile));
+    if (const auto kept = tiles_.find(plan_key(tile)); kept != tiles_.end())
+      kept->second.is_new = false;
     changed.push_back(tile);
   }
   return changed;

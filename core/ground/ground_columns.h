@@ -105,7 +105,12 @@ class GroundColumns {
   BaseColumns base_;
   ChangeFollower changes_;
   Eigen::AlignedBox2i reach_;
-  std::unordered_map<std::uint64_t, ColumnTile> tiles_;
+  /// Keeps its memory while the ground changes there.
+  struct Kept {
+    ColumnTile tile;
+    bool is_new = false;  // read since the last change
+  };
+  std::unordered_map<std::uint64_t, Kept> tiles_;
 };
 
 }  // namespace soilvdb::inline v0
