@@ -287,13 +287,7 @@ TEST_P(Driving, GoesOnFromItsRecordingAndFromWhatWasTakenBack) {
       if (from != 10) continue;
       // What it did next is taken back: it stands again where it stood before.
       feed_driven(*recorded, to, to + 5);
-      recorded->flush();
-      const Session start = session();
-      const StatesAfter after =
-          start.states_after(recording.folder, 0, never.last(0)->time_s.value());
-      EXPECT_GT(after.states, 0u);
-      recorded->undo(*start.without(recording.folder, after, recording.snapshot_every_s,
-                                    [](const io::JournalUpdate&) {}));
+      take_back(*recorded, session(), recording, never.last(0)->time_s.value());
       ASSERT_EQ(recorded->save(), never.save());
       feed_driven(never, to, to + 10);
       feed_driven(*recorded, to, to + 10);

@@ -5,12 +5,15 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "soilvdb/session.h"
 #include "tests/support/earthmoving_fixture.h"
+#include "tests/support/temp_folder.h"
 
 namespace soilvdb::test {
 
@@ -57,6 +60,40 @@ inline void feed(Session& session, const std::vector<MachineState>& all) {
     const StepResult step = session.update(state);
     ASSERT_TRUE(step.ok()) << step.why;
   }
+}
+
+/// Works in rounds, with snapshots or without, in a session that never stops and in one that is
+/// recorded and opened anew after each round.
+inline void expect_same_if_stopped(const SessionSite& site, int rounds,
+                                   const std::function<void(Session&, int)>& work) {
+  for (const bool snapshots : {false, true}) {
+    SCOPED_TRACE(snapshots);
+    const TempFolder temp;
+    Recording recording{.folder = temp / "site"};
+    if (snapshots) recording.snapshot_every_s = 2;
+    Session never_stopped(site);
+    std::optional<Session> session(site);
+    session->record(recording);
+    for (int round = 0; round < rounds; ++round) {
+      for (Session* each : {&never_stopped, &*session}) work(*each, round);
+      ASSERT_TRUE(session->save() == never_stopped.save()) << round;
+      session->flush();
+      session.reset();
+      session.emplace(site);
+      session->record(recording);
+      ASSERT_TRUE(session->save() == never_stopped.save()) << round;
+    }
+  }
+}
+
+/// Takes back all states of the first machine after a time.
+inline void take_back(Session& session, const Session& start, const Recording& recording,
+                      double after_s) {
+  session.flush();
+  const StatesAfter after = start.states_after(recording.folder, 0, after_s);
+  EXPECT_GT(after.states, 0u);
+  session.undo(*start.without(recording.folder, after, recording.snapshot_every_s,
+                              [](const io::JournalUpdate&) {}));
 }
 
 /// Change of the ground's mass that nothing accounts for, units.

@@ -55,33 +55,13 @@ void work(Session& session, const std::vector<MachineState>& all, std::uint64_t 
   }
 }
 
-class SessionScans : public ::testing::TestWithParam<bool> {
- protected:
-  SessionSite site() const { return site_of(GetParam() ? moving() : Earthmoving{}); }
-};
+using SessionScans = Sessions;
 
 TEST_P(SessionScans, GoOnFromWhereTheyWereRecorded) {
-  for (const bool snapshots : {false, true}) {
-    SCOPED_TRACE(snapshots);
-    const TempFolder temp;
-    Recording recording{.folder = temp / "site"};
-    if (snapshots) recording.snapshot_every_s = 3;
-    Session never_stopped(site());
-    {
-      Session session(site());
-      session.record(recording);
-      work(session, part(states(), 0, 0.6), 1);
-      session.flush();
-    }
-    work(never_stopped, part(states(), 0, 0.6), 1);
-    Session session(site());
-    session.record(recording);
-    ASSERT_EQ(session.ground_hash(), never_stopped.ground_hash());
-    ASSERT_EQ(session.save(), never_stopped.save());
-    work(session, part(states(), 0.6, 1), 2);
-    work(never_stopped, part(states(), 0.6, 1), 2);
-    EXPECT_EQ(session.save(), never_stopped.save());
-  }
+  expect_same_if_stopped(site(), 2, [](Session& session, int round) {
+    work(session, round == 0 ? part(states(), 0, 0.6) : part(states(), 0.6, 1),
+         static_cast<std::uint64_t>(round));
+  });
 }
 
 // What is not recorded, because no ray came, may not show in what comes later.
@@ -110,30 +90,17 @@ TEST_P(SessionScans, WithoutRaysTellNothing) {
 
 // An empty scan tells from when on it is known which machine dug, and which sensors there are.
 TEST_P(SessionScans, ThatAreEmptyAreRecordedIfTheirSensorIsNew) {
-  const TempFolder temp;
-  const auto begin = [](Session& session) {
+  expect_same_if_stopped(site(), 1, [](Session& session, int) {
     Survey survey;
     EXPECT_TRUE(session.scan(kAbove, {}).ok());
     EXPECT_TRUE(session.apply_scans(survey).ok());
     feed(session, part(states(), 0, 0.3));
-  };
-  Session never_stopped(site());
-  begin(never_stopped);
-  {
-    Session session(site());
-    session.record({.folder = temp / "site"});
-    begin(session);
-    session.flush();
-  }
-  Session session(site());
-  session.record({.folder = temp / "site"});
-  EXPECT_EQ(session.save(), never_stopped.save());
+  });
 }
 
 // A snapshot may have scans in it that a correction after it has used.
 TEST_P(SessionScans, GoOnFromSnapshotsBetweenScansAndTheirCorrection) {
-  const TempFolder temp;
-  const auto all = [](Session& session) {
+  expect_same_if_stopped(site(), 1, [](Session& session, int) {
     work(session, part(states(), 0, 0.3), 1);
     for (std::uint64_t n = 0; n < 3; ++n)
       ASSERT_TRUE(session.scan(kAbove, seen(session, 0.3, n)).ok());
@@ -144,48 +111,20 @@ TEST_P(SessionScans, GoOnFromSnapshotsBetweenScansAndTheirCorrection) {
     Survey survey;
     ASSERT_TRUE(session.apply_scans(survey).ok());
     EXPECT_GT(survey.rays.through, 0);
-  };
-  const Recording recording{.folder = temp / "site", .snapshot_every_s = 2};
-  Session never_stopped(site());
-  all(never_stopped);
-  {
-    Session session(site());
-    session.record(recording);
-    all(session);
-    session.flush();
-  }
-  Session session(site());
-  session.record(recording);
-  EXPECT_EQ(session.save(), never_stopped.save());
+  });
 }
 
 // A correction may be made before a machine comes, and after.
 TEST_P(SessionScans, GoOnWhenMachinesCome) {
-  const TempFolder temp;
-  const Recording recording{.folder = temp / "site", .snapshot_every_s = 4};
-  Session never_stopped(site());
-  std::optional<Session> session;
-  const auto resume = [&] {
-    session.emplace(site());
-    session->record(recording);
-  };
-  resume();
-  for (int n = 0; n < 5; ++n) {
-    for (Session* each : {&never_stopped, &*session}) {
-      if (n % 2 == 1)
-        each->change_list(
-            "machines",
-            fmt::format(R"({{"add": {{"name": "m{}", "bucket": {{"width": 1, "height": 0.8}},
-                            "known": {{"lip": {}}}}}}})",
-                        n, 0.01 * n));
-      work(*each, part(states(), 0.2 * n, 0.2 * (n + 1)), 1);
-    }
-    ASSERT_EQ(session->save(), never_stopped.save()) << n;
-    session->flush();
-    session.reset();
-    resume();
-    ASSERT_EQ(session->save(), never_stopped.save()) << n;
-  }
+  expect_same_if_stopped(site(), 5, [](Session& session, int round) {
+    if (round % 2 == 1)
+      session.change_list(
+          "machines",
+          fmt::format(R"({{"add": {{"name": "m{}", "bucket": {{"width": 1, "height": 0.8}},
+                          "known": {{"lip": {}}}}}}})",
+                      round, 0.01 * round));
+    work(session, part(states(), 0.2 * round, 0.2 * (round + 1)), 1);
+  });
 }
 
 // States that are taken back leave what scans told before them.
@@ -202,15 +141,7 @@ TEST_P(SessionScans, GoOnAfterStatesWereTakenBack) {
   session->record(recording);
   work(*session, part(states(), 0, 0.5), 1);
   feed(*session, part(states(), 0.5, 0.6));
-  session->flush();
-  {
-    const Session start(site());
-    const StatesAfter after =
-        start.states_after(recording.folder, 0, *part(states(), 0, 0.5).back().time_s);
-    EXPECT_GT(after.states, 0u);
-    session->undo(*start.without(recording.folder, after, recording.snapshot_every_s,
-                                 [](const io::JournalUpdate&) {}));
-  }
+  take_back(*session, Session(site()), recording, *part(states(), 0, 0.5).back().time_s);
   ASSERT_EQ(session->save(), never.save());
   for (const double from : {0.6, 0.75}) {
     for (Session* each : {&never, &*session}) work(*each, part(states(), from, from + 0.15), 1);
@@ -452,38 +383,25 @@ TEST_P(ScansOfSurveys, TellNothingOfALipBySurveysOverSurveys) {
 INSTANTIATE_TEST_SUITE_P(ScannedBefore, ScansOfSurveys, ::testing::Bool());
 
 TEST_P(SessionScans, GoOnWithSurveysBetween) {
-  const auto act = [](Session& session, int part_of) {
+  const auto act = [](Session& session, int round) {
     SurveyVolumes volumes;
-    const double from = 0.2 * part_of;
+    const double from = 0.2 * round;
     feed(session, part(states(), from, from + 0.05));
-    ASSERT_TRUE(session.survey(level(-0.05 * (1 + part_of)), volumes).ok());
+    ASSERT_TRUE(session.survey(level(-0.05 * (1 + round)), volumes).ok());
     feed(session, part(states(), from + 0.05, from + 0.1));
-    if (part_of > 0) work(session, part(states(), from + 0.1, from + 0.2), 1);
+    if (round > 0) work(session, part(states(), from + 0.1, from + 0.2), 1);
   };
-  for (const bool snapshots : {false, true}) {
-    SCOPED_TRACE(snapshots);
-    const TempFolder temp;
-    Recording recording{.folder = temp / "site"};
-    if (snapshots) recording.snapshot_every_s = 3;
-    Session never_stopped(site());
-    std::optional<Session> session(site());
-    session->record(recording);
-    for (int n = 0; n < 4; ++n) {
-      Session clone = never_stopped.clone(), restored(site());
-      restored.restore(never_stopped.save());
-      for (Session* each : {&never_stopped, &*session, &clone, &restored}) act(*each, n);
-      ASSERT_EQ(clone.save(), never_stopped.save());
-      ASSERT_EQ(restored.save(), never_stopped.save());
-      ASSERT_EQ(session->save(), never_stopped.save());
-      session->flush();
-      session.reset();
-      session.emplace(site());
-      session->record(recording);
-      ASSERT_EQ(session->save(), never_stopped.save());
+  expect_same_if_stopped(site(), 4, [&](Session& session, int round) {
+    Session clone = session.clone(), restored(site());
+    restored.restore(session.save());
+    for (Session* each : {&session, &clone, &restored}) act(*each, round);
+    ASSERT_EQ(clone.save(), session.save());
+    ASSERT_EQ(restored.save(), session.save());
+    const std::vector<Estimate> lips = session.lip_errors_m();  // scans told something of one
+    if (round == 3) {
+      EXPECT_LT(std::min(lips[0].sigma, lips[1].sigma), 0.02);
     }
-    const std::vector<Estimate> lips = never_stopped.lip_errors_m();  // scans told something of one
-    EXPECT_LT(std::min(lips[0].sigma, lips[1].sigma), 0.02);
-  }
+  });
 }
 
 TEST(SiteScans, SayThatAMachineIsMissing) {

@@ -32,41 +32,20 @@ SurveyVolumes take(Session& session, const SurveyHeights& heights) {
   return volumes;
 }
 
-class SessionSurveys : public ::testing::TestWithParam<bool> {
- protected:
-  SessionSite site() const { return site_of(GetParam() ? moving() : Earthmoving{}); }
-};
+using SessionSurveys = Sessions;
 
 TEST_P(SessionSurveys, GoOnFromWhereTheyWereRecorded) {
-  for (const bool snapshots : {false, true}) {
-    SCOPED_TRACE(snapshots);
-    const TempFolder temp;
-    Recording recording{.folder = temp / "site"};
-    if (snapshots) recording.snapshot_every_s = 3;
-    Session never_stopped(site());
-    std::optional<Session> session(site());
-    session->record(recording);
-    for (int n = 0; n < 4; ++n) {
-      for (Session* each : {&never_stopped, &*session}) {
-        feed(*each, part(states(), 0.2 * n, 0.2 * n + 0.2));
-        const SurveyVolumes volumes = take(*each, morning(0.1 - 0.05 * n));
-        EXPECT_GT(volumes.changed, 1000);
-        EXPECT_GT(volumes.removed_m3 + volumes.added_m3, 1);
-      }
-      ASSERT_TRUE(session->save() == never_stopped.save());
-      session->flush();
-      session.reset();
-      session.emplace(site());
-      session->record(recording);
-      ASSERT_EQ(session->ground_hash(), never_stopped.ground_hash());
-      ASSERT_TRUE(session->save() == never_stopped.save());
-    }
+  expect_same_if_stopped(site(), 4, [](Session& session, int round) {
+    feed(session, part(states(), 0.2 * round, 0.2 * round + 0.2));
+    const SurveyVolumes volumes = take(session, morning(0.1 - 0.05 * round));
+    EXPECT_GT(volumes.changed, 1000);
+    EXPECT_GT(volumes.removed_m3 + volumes.added_m3, 1);
     if (GetParam()) {
-      EXPECT_EQ(residual(*session), 0);
+      EXPECT_EQ(residual(session), 0);
     }
-    ASSERT_TRUE(session->surveyed());
-    EXPECT_GT(session->surveyed()->removed, 0);
-  }
+    ASSERT_TRUE(session.surveyed());
+    EXPECT_GT(session.surveyed()->removed, 0);
+  });
 }
 
 TEST_P(SessionSurveys, AreOfTheirTime) {
@@ -118,15 +97,7 @@ TEST_P(SessionSurveys, StayWhenStatesBeforeThemAreTakenBack) {
   session->record(recording);
   feed(*session, part(states(), 0, 0.6));
   take(*session, morning());
-  session->flush();
-  {
-    const Session start(site());
-    const StatesAfter after =
-        start.states_after(recording.folder, 0, *part(states(), 0, 0.3).back().time_s);
-    EXPECT_GT(after.states, 0u);
-    session->undo(*start.without(recording.folder, after, recording.snapshot_every_s,
-                                 [](const io::JournalUpdate&) {}));
-  }
+  take_back(*session, Session(site()), recording, *part(states(), 0, 0.3).back().time_s);
   EXPECT_EQ(session->ground_hash(), never.ground_hash());
   ASSERT_TRUE(session->save() == never.save());
   for (Session* each : {&never, &*session}) feed(*each, part(states(), 0.6, 0.8));
