@@ -246,13 +246,20 @@ TEST(HeightMap, TurnsWithTheLip) {
   }
 }
 
+/// A cave below a plane, a trench beside, and ground that is as it was.
+struct Cave : Ground {
+  Cave() : Ground(0.1, Vec3(0, 0, 0), make_plane(2, {0, 0})) {
+    SampleWords all;
+    all.fill(kAllSoil);
+    for (const int y : {-8, 0})
+      for (const int x : {-8, 0, 8}) GroundWriter(*this).remove({x, y, 0}, all);
+    for (const int z : {8, 16, 24}) GroundWriter(*this).remove({40, 0, z}, all);
+  }
+};
+
 TEST(HeightMap, ACeilingShowsWhatIsUnderARoof) {
   constexpr double h = 0.1;
-  Ground ground(h, Vec3(0, 0, 0), make_plane(2, {0, 0}));
-  SampleWords all;
-  all.fill(kAllSoil);
-  for (const int y : {-8, 0})
-    for (const int x : {-8, 0, 8}) GroundWriter(ground).remove({x, y, 0}, all);
+  Cave ground;
   HeightMap heights(ground);
   const MapGrid inside{{-0.5, -0.5}, h, 10, 10}, beside{{5, 5}, h, 4, 4};
   for (const double z : map_of(heights, inside, MapLayer::kHeight)) EXPECT_NEAR(z, 2, 0.01);
@@ -499,15 +506,9 @@ TEST(HeightMap, LookingAgainAllocatesNothing) {
   EXPECT_EQ(allocations, before);
 }
 
-/// A cave below a plane, a trench, and ground that is as it was.
 TEST(HeightMap, ACeilingIsForPlacesToo) {
   constexpr double h = 0.1;
-  Ground ground(h, Vec3(0, 0, 0), make_plane(2, {0, 0}));
-  SampleWords all;
-  all.fill(kAllSoil);
-  for (const int y : {-8, 0})
-    for (const int x : {-8, 0, 8}) GroundWriter(ground).remove({x, y, 0}, all);
-  for (const int z : {8, 16, 24}) GroundWriter(ground).remove({40, 0, z}, all);
+  Cave ground;
   HeightMap heights(ground);
   const auto at = [&](double x, double y, std::optional<double> ceiling_m = {}) {
     const Vec2 place(x, y);
