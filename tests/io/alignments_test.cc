@@ -18,11 +18,14 @@
 #include "io/terrain/design_lines.h"
 #include "io/terrain/gdal.h"
 #include "soilvdb/io/error.h"
+#include "tests/io/landxml_fixture.h"
 #include "tests/support/temp_folder.h"
 
 namespace soilvdb::io {
 namespace alignments_test {
 
+using test::kMetric;
+using test::landxml;
 using test::TempFolder;
 using ::testing::AllOf;
 using ::testing::AnyOf;
@@ -31,13 +34,7 @@ using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
 constexpr double kRounding_m = 1e-6;  // of places of the world, and of numbers in the file
-constexpr const char* kMetric = "<Units><Metric linearUnit='meter'/></Units>";
 
-std::string landxml(const std::string& inside, const std::string& head = kMetric) {
-  return "<?xml version='1.0'?>\n<LandXML xmlns='http://www.landxml.org/schema/LandXML-1.2' "
-         "version='1.2'>\n" +
-         head + inside + "</LandXML>\n";
-}
 std::string alignment(const std::string& geometry, const std::string& more = "",
                       const std::string& attributes = "name='axis' length='0' staStart='0'") {
   return "<Alignments>\n<Alignment " + attributes + ">\n<CoordGeom>\n" + geometry +

@@ -18,6 +18,7 @@
 
 #include "io/terrain/crs.h"
 #include "soilvdb/io/checksum.h"
+#include "tests/io/landxml_fixture.h"
 #include "tests/support/raster_fixture.h"
 #include "tests/support/temp_folder.h"
 
@@ -45,12 +46,8 @@ std::string surface_of(const Tin& tin, const std::string& name = "pit", double u
   return text + "</Faces></Definition></Surface>\n";
 }
 
-constexpr const char* kMetric = "<Units><Metric linearUnit='meter'/></Units>";
-
-std::string landxml(const std::string& surfaces, const std::string& head = kMetric) {
-  return "<?xml version='1.0'?>\n<LandXML xmlns='http://www.landxml.org/schema/LandXML-1.2' "
-         "version='1.2'>\n" +
-         head + "<Surfaces>\n" + surfaces + "</Surfaces></LandXML>\n";
+std::string landxml(const std::string& surfaces, const std::string& head = test::kMetric) {
+  return test::landxml("<Surfaces>\n" + surfaces + "</Surfaces>", head);
 }
 
 /// A square of 20 m with a peak or pit in its middle: four faces.
