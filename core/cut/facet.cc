@@ -17,19 +17,13 @@ struct Line {
   Lanes u, v, y, dy, z, dz;
 };
 
-SOILVDB_INLINE Lanes along_y(const Affine& a, float x, float z) {
-  return a.at(x, 0.5f, z) + kLaneNumbers * a.ny;
+/// From the middle of the first box, `step` to the next.
+SOILVDB_INLINE Lanes along(const Affine& a, float x, float y, float z, float Affine::*step) {
+  return a.at(x, y, z) + kLaneNumbers * (a.*step);
 }
-SOILVDB_INLINE Lanes along_z(const Affine& a, float x, float y) {
-  return a.at(x, y, 0.5f) + kLaneNumbers * a.nz;
-}
-SOILVDB_INLINE Line along_y(const Stroke& s, float x, float z) {
-  return {along_y(s.u, x, z),  along_y(s.v, x, z), along_y(s.y, x, z),
-          along_y(s.dy, x, z), along_y(s.z, x, z), along_y(s.dz, x, z)};
-}
-SOILVDB_INLINE Line along_z(const Stroke& s, float x, float y) {
-  return {along_z(s.u, x, y),  along_z(s.v, x, y), along_z(s.y, x, y),
-          along_z(s.dy, x, y), along_z(s.z, x, y), along_z(s.dz, x, y)};
+SOILVDB_INLINE Line along(const Stroke& s, float x, float y, float z, float Affine::*step) {
+  return {along(s.u, x, y, z, step),  along(s.v, x, y, z, step), along(s.y, x, y, z, step),
+          along(s.dy, x, y, z, step), along(s.z, x, y, z, step), along(s.dz, x, y, z, step)};
 }
 
 /// Largest difference of these coordinates over a box from those at its middle.
@@ -197,11 +191,11 @@ SOILVDB_FOR_CPUS Removed cut_samples(Samples& samples, const Coord3& origin, con
     std::uint32_t rows = samples.rows_with_soil(x);
     if (rows == 0) continue;
     const float x0 = static_cast<float>(x), cx = x0 + 0.5f;
-    rows &= look(along_y(stroke, cx, 0.5f * kChunkSide), row, stroke).may;
+    rows &= look(along(stroke, cx, 0.5f, 0.5f * kChunkSide, &Affine::ny), row, stroke).may;
     for (; rows != 0; rows &= rows - 1) {
       const int y = std::countr_zero(rows), n = 64 * x + kChunkSide * y;
       const float y0 = static_cast<float>(y);
-      const Seen seen = look(along_z(stroke, cx, y0 + 0.5f), one, stroke);
+      const Seen seen = look(along(stroke, cx, y0 + 0.5f, 0.5f, &Affine::nz), one, stroke);
       for (std::uint32_t soil = samples.any_of_row(n) & seen.may; soil != 0; soil &= soil - 1) {
         const int z = std::countr_zero(soil);
         const std::uint64_t word = samples.word(n + z);
