@@ -57,16 +57,12 @@ std::string name_of(Srs srs) {
 
 /// Longitude and latitude of a point of `srs`, degrees.
 std::optional<Vec2> longitude_latitude(Srs srs, const Vec2& p) {
-  const OwnSrs from = copy_of(srs), to(gdal().OSRNewSpatialReference(nullptr));
-  gdal().OSRStripVertical(from.get());
+  const OwnSrs from = horizontal_of(srs), to(gdal().OSRNewSpatialReference(nullptr));
   gdal().OSRImportFromEPSG(to.get(), 4326);
-  gdal().OSRSetAxisMappingStrategy(from.get(), OAMS_TRADITIONAL_GIS_ORDER);
   gdal().OSRSetAxisMappingStrategy(to.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  const auto transform = gdal().OCTNewCoordinateTransformation(from.get(), to.get());
+  const Transform transform(gdal().OCTNewCoordinateTransformation(from.get(), to.get()));
   double x = p.x(), y = p.y(), z = 0;
-  const bool good = transform != nullptr && gdal().OCTTransform(transform, 1, &x, &y, &z);
-  gdal().OCTDestroyCoordinateTransformation(transform);
-  if (!good) return std::nullopt;
+  if (!transform || !gdal().OCTTransform(transform.get(), 1, &x, &y, &z)) return std::nullopt;
   if (!(std::abs(y) <= 90) || !(std::abs(x) <= 720)) return std::nullopt;
   return Vec2(x, y);
 }
@@ -122,14 +118,6 @@ HeightUnit height_unit(Srs srs, const std::string& band_unit) {
   return unit;
 }
 
-OwnSrs horizontal_of(Srs srs) {
-  OwnSrs horizontal = copy_of(srs);
-  gdal().OSRStripVertical(horizontal.get());
-  if (gdal().OSRGetAxesCount(horizontal.get()) == 3)
-    gdal().OSRDemoteTo2D(horizontal.get(), nullptr);
-  return horizontal;
-}
-
 /// The vertical CRS; null if the CRS has none.
 OwnSrs vertical_of(Srs srs) {
   if (!gdal().OSRIsCompound(srs))  // a CRS with three axes has heights above its ellipsoid
@@ -164,6 +152,14 @@ std::string authority_of(Srs srs) {
 std::string label_of(Srs srs) {
   const std::string code = authority_of(srs);
   return code.empty() ? name_of(srs) : code;
+}
+
+/// @param part of the CRS to name
+std::string label_of(const std::string& wkt, OwnSrs (*part)(Srs)) {
+  if (wkt.empty()) return {};
+  const GdalMessages messages;
+  const OwnSrs srs = srs_of(wkt);
+  return srs ? label_of(part(srs.get()).get()) : "";
 }
 
 /// A CRS as an argument of GDAL's programs.
@@ -202,19 +198,8 @@ Reprojection reprojection(const RasterAdvice& of, Srs srs, const Vec2& centre) {
 
 }  // namespace
 
-std::string crs_label(const std::string& wkt) {
-  if (wkt.empty()) return {};
-  const GdalMessages messages;
-  const OwnSrs srs = srs_of(wkt);
-  return srs ? label_of(srs.get()) : "";
-}
-
-std::string map_label(const std::string& wkt) {
-  if (wkt.empty()) return {};
-  const GdalMessages messages;
-  const OwnSrs srs = srs_of(wkt);
-  return srs ? label_of(horizontal_of(srs.get()).get()) : "";
-}
+std::string crs_label(const std::string& wkt) { return label_of(wkt, copy_of); }
+std::string map_label(const std::string& wkt) { return label_of(wkt, horizontal_of); }
 
 std::string wkt_of(Srs srs) { return text_of(srs, "FORMAT=WKT2_2019"); }
 

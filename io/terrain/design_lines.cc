@@ -19,28 +19,9 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-struct EndTransformation {
-  void operator()(void* transformation) const {
-    gdal().OCTDestroyCoordinateTransformation(
-        static_cast<OGRCoordinateTransformationH>(transformation));
-  }
-};
-
-struct EndFeature {
-  void operator()(void* feature) const { gdal().OGR_F_Destroy(feature); }
-};
-
 struct EndGeometry {
   void operator()(void* geometry) const { gdal().OGR_G_DestroyGeometry(geometry); }
 };
-
-/// A CRS of x and y alone, x to the east.
-OwnSrs plan_of(Srs srs) {
-  OwnSrs plan(gdal().OSRClone(srs));
-  gdal().OSRStripVertical(plan.get());
-  gdal().OSRSetAxisMappingStrategy(plan.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  return plan;
-}
 
 class LineReader {
  public:
@@ -106,7 +87,7 @@ class LineReader {
   void read_layer(OGRLayerH layer) {
     way_.reset();
     set_way(gdal().OGR_L_GetSpatialRef(layer));
-    while (const std::unique_ptr<void, EndFeature> feature{gdal().OGR_L_GetNextFeature(layer)})
+    while (const Feature feature{gdal().OGR_L_GetNextFeature(layer)})
       if (const OGRGeometryH geometry = gdal().OGR_F_GetGeometryRef(feature.get())) {
         const std::unique_ptr<void, EndGeometry> straight{
             // arcs as chords
@@ -118,10 +99,10 @@ class LineReader {
   /// Prepares the way from a layer's CRS to the site's.
   void set_way(Srs srs) {
     if (srs == nullptr) return;  // as of DXF: in the site's coordinates
-    const OwnSrs from = plan_of(srs);
+    const OwnSrs from = horizontal_of(srs);
     const std::string label = crs_label(wkt_of(from.get()));
     if (site_) {
-      const OwnSrs to = plan_of(site_.get());
+      const OwnSrs to = horizontal_of(site_.get());
       way_.reset(gdal().OCTNewCoordinateTransformation(from.get(), to.get()));
       if (!way_)
         throw InputError(file_,
@@ -185,7 +166,7 @@ class LineReader {
 
   const std::filesystem::path& file_;
   OwnSrs site_;
-  std::unique_ptr<void, EndTransformation> way_;  ///< null: none is needed
+  Transform way_;  ///< null: none is needed
   bool is_dxf_ = false;
   double unit_m_ = 1;
   std::size_t points_ = 0;

@@ -110,19 +110,6 @@ DrapeColours colours_of(const std::filesystem::path& file, const GdalDataset& da
   return colours;
 }
 
-OwnSrs horizontal_srs(Srs srs) {
-  OwnSrs flat(gdal().OSRClone(srs));
-  gdal().OSRStripVertical(flat.get());
-  if (gdal().OSRGetAxesCount(flat.get()) == 3) gdal().OSRDemoteTo2D(flat.get(), nullptr);
-  gdal().OSRSetAxisMappingStrategy(flat.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  return flat;
-}
-
-struct DestroyTransform {
-  void operator()(void* transform) const { gdal().OCTDestroyCoordinateTransformation(transform); }
-};
-using Transform = std::unique_ptr<void, DestroyTransform>;
-
 /// CRSs of a file and of its site, without heights; null if they are taken as the same.
 struct DrapeCrs {
   OwnSrs from, to;
@@ -133,7 +120,7 @@ DrapeCrs crs_of(const std::filesystem::path& file, const GdalDataset& dataset,
   Srs own = gdal().GDALGetSpatialRef(dataset.get());
   const OwnSrs site = srs_of(crs_wkt);
   const bool named = own != nullptr && !wkt_of(own).empty();
-  if (named && site) return {horizontal_srs(own), horizontal_srs(site.get())};
+  if (named && site) return {horizontal_of(own), horizontal_of(site.get())};
   if (site)
     throw InputError(
         file,

@@ -124,10 +124,6 @@ struct DxfFaces {
   bool is_utf8 = false;
 };
 
-struct DestroyFeature {
-  void operator()(void* feature) const { gdal().OGR_F_Destroy(feature); }
-};
-
 struct Layer {
   std::string name;
   Tin tin;
@@ -154,8 +150,7 @@ class DxfReader {
     if (!dataset || gdal().GDALDatasetGetLayerCount(dataset.get()) < 1)
       throw InputError(from_.file, "is not a readable DXF of text; save it as one");
     const OGRLayerH entities = gdal().GDALDatasetGetLayer(dataset.get(), 0);
-    while (const std::unique_ptr<void, DestroyFeature> feature{
-        gdal().OGR_L_GetNextFeature(entities)}) {
+    while (const Feature feature{gdal().OGR_L_GetNextFeature(entities)}) {
       const OGRGeometryH geometry = gdal().OGR_F_GetGeometryRef(feature.get());
       if (geometry == nullptr) continue;
       const int layer = gdal().OGR_F_GetFieldIndex(feature.get(), "Layer");

@@ -43,6 +43,15 @@ OwnSrs srs_of(const std::string& wkt) {
   return OwnSrs(wkt.empty() ? nullptr : gdal().OSRNewSpatialReference(wkt.c_str()));
 }
 
+OwnSrs horizontal_of(OGRSpatialReferenceH srs) {
+  OwnSrs horizontal(gdal().OSRClone(srs));
+  gdal().OSRStripVertical(horizontal.get());
+  if (gdal().OSRGetAxesCount(horizontal.get()) == 3)
+    gdal().OSRDemoteTo2D(horizontal.get(), nullptr);
+  gdal().OSRSetAxisMappingStrategy(horizontal.get(), OAMS_TRADITIONAL_GIS_ORDER);
+  return horizontal;
+}
+
 std::string driver_of(const GdalDataset& dataset) {
   return gdal().GDALGetDriverShortName(gdal().GDALGetDatasetDriver(dataset.get()));
 }

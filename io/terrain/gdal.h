@@ -72,6 +72,20 @@ using OwnSrs = std::unique_ptr<void, DestroySrs>;
 
 /// A CRS by its text; null if the text is not a CRS.
 OwnSrs srs_of(const std::string& wkt);
+/// A CRS of x and y alone, x to the east.
+OwnSrs horizontal_of(OGRSpatialReferenceH srs);
+
+struct DestroyTransform {
+  void operator()(void* transform) const { gdal().OCTDestroyCoordinateTransformation(transform); }
+};
+/// An OGRCoordinateTransformationH.
+using Transform = std::unique_ptr<void, DestroyTransform>;
+
+struct DestroyFeature {
+  void operator()(void* feature) const { gdal().OGR_F_Destroy(feature); }
+};
+/// An OGRFeatureH.
+using Feature = std::unique_ptr<void, DestroyFeature>;
 
 /// GDAL's name of a format.
 std::string driver_of(const GdalDataset& dataset);
