@@ -318,10 +318,8 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
     else
       read_file_scan(map, {sensor->second}, result);
     const ScanInput& first = result.scans[before];
-    const auto files = recorded ? first.recording->files() : std::vector{first.file};
-    for (const std::filesystem::path& file : files)
-      if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
-        result.inputs.push_back(file);
+    for (const auto& path : recorded ? first.recording->files() : std::vector{first.file})
+      result.add_input(path);
   }
   std::stable_sort(result.scans.begin(), result.scans.end(),
                    [](const ScanInput& a, const ScanInput& b) { return a.time_s < b.time_s; });

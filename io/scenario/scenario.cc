@@ -94,8 +94,7 @@ Bucket read_tool(const YamlMap& machine, double voxel_size_m, Scenario& result) 
   const std::filesystem::path file = read_path(map, "mesh");
   const double voxel_m =
       map.has("voxel") ? map.number("voxel", kMinCellM, kMaxCellM, "m") : voxel_size_m / 2;
-  if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
-    result.inputs.push_back(file);
+  result.add_input(file);
   try {
     const Mesh mesh = read_mesh(file);
     const ToolShape shape(mesh, voxel_m);
@@ -294,51 +293,26 @@ MotionSource read_motion_source(const YamlMap& machine, Motions motions) {
   return source;
 }
 
-/// A machine's section of a scenario, without the rows of its motion.
+/// A machine's section of a scenario; the rows of its motion come last.
 struct Section {
-  std::string name;
-  Bucket bucket;
-  std::optional<Chain> chain;
-  std::optional<MotionSource> motion;
-  std::optional<McapTopic> topic;
-  AngleUnit angles = AngleUnit::kRadians;
+  MachineInput machine;
+  std::optional<MotionSource> motion = {};
   OnBadRow on_bad_row = OnBadRow::kStop;
-  std::filesystem::path chain_file;
-  double lip_sigma_m = SiteMachine{}.lip_sigma_m;
-  std::optional<Gnss> gnss;
 };
 
-/// Adds the files of a motion; machines may share one.
-void add_inputs(const MotionSource& motion, Scenario& result) {
-  for (const auto& file : motion.files())
-    if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
-      result.inputs.push_back(file);
-}
-
 /// A machine without its motion.
-Section read_section(const YamlMap& machine, const std::string& name, Scenario& result) {
+MachineInput read_unmoved(const YamlMap& machine, const std::string& name, Scenario& result) {
   if (machine.has("bucket") && machine.has("tool"))
     machine.fail("tool", "a machine has a bucket or a tool, not both; remove one of them");
-  Section section;
-  section.name = name;
-  section.bucket = machine.has("tool") ? read_tool(machine, result.voxel_size_m, result)
-                                       : read_bucket(machine, result.soil.has_value());
-  if (!section.bucket.shape) warn_if_never_dumps(machine, name, section.bucket, result);
-  section.chain = read_machine_chain(machine, result);
-  if (section.chain) section.chain_file = machine.path("urdf");
+  MachineInput read(name, machine.has("tool") ? read_tool(machine, result.voxel_size_m, result)
+                                              : read_bucket(machine, result.soil.has_value()));
+  if (!read.bucket.shape) warn_if_never_dumps(machine, name, read.bucket, result);
+  read.chain = read_machine_chain(machine, result);
+  if (read.chain) read.chain_file = machine.path("urdf");
   if (machine.has("known"))
-    section.lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
-  if (machine.has("gnss")) section.gnss = read_gnss(machine);
-  return section;
-}
-
-MachineInput input_of(const Section& section) {
-  MachineInput input(section.name, section.bucket, section.chain);
-  input.chain_file = section.chain_file;
-  input.lip_sigma_m = section.lip_sigma_m;
-  input.gnss = section.gnss;
-  input.topic = section.topic;
-  return input;
+    read.lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
+  if (machine.has("gnss")) read.gnss = read_gnss(machine);
+  return read;
 }
 
 std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Scenario& result,
@@ -349,16 +323,17 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
        scenario.maps("machines", "machine",
                      {"name", "bucket", "tool", "motion", "angles", "bad_rows", "urdf", "base",
                       "lip", "known", "gnss"})) {
-    sections.push_back(read_section(machine, names.take(machine, "machine"), result));
-    sections.back().angles = read_angle_unit(machine);
-    sections.back().on_bad_row = read_on_bad_row(machine);
+    Section& section = sections.emplace_back(
+        Section{read_unmoved(machine, names.take(machine, "machine"), result)});
+    section.machine.angles = read_angle_unit(machine);
+    section.on_bad_row = read_on_bad_row(machine);
     std::optional<MotionSource> motion;
     if (motions == Motions::kRequired || machine.has("motion"))
       motion = read_motion_source(machine, motions);
-    if (motion && motion->is_mcap) sections.back().topic = motion->mcap;
+    if (motion && motion->is_mcap) section.machine.topic = motion->mcap;
     if (motion && !motion->file.empty()) {
-      add_inputs(*motion, result);
-      sections.back().motion = std::move(motion);
+      for (const auto& file : motion->files()) result.add_input(file);
+      section.motion = std::move(motion);
     } else {
       for (const char* key : {"angles", "bad_rows"})
         if (machine.has(key))
@@ -366,7 +341,7 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                         "radians, and each is answered",
                                         key));
     }
-    if (sections.back().chain) result.inputs.push_back(sections.back().chain_file);
+    if (section.machine.chain) result.inputs.push_back(section.machine.chain_file);
   }
   return sections;
 }
@@ -378,9 +353,6 @@ MachineInput::MachineInput(std::string n, Bucket b, Motion m)
   swept.add(*motion.part(0), bucket);
 }
 
-MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
-    : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)), swept(std::move(w)) {}
-
 MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
     : name(std::move(n)), bucket(std::move(b)), chain(std::move(c)) {}
 
@@ -391,7 +363,7 @@ MachineInput read_machine(const std::string& text, Scenario& site) {
                 [&](const YamlMap& machine) {
                   const std::string name = machine.name("name");
                   require_new_name(name, site);
-                  read = input_of(read_section(machine, name, site));
+                  read = read_unmoved(machine, name, site);
                 });
   return *read;
 }
@@ -411,8 +383,6 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   read_soil(map, scenario);
   Names names;
   std::vector<Section> sections = read_machines(map, motions, scenario, names);
-  for (const Section& section : sections)
-    if (section.motion) add_inputs(*section.motion, scenario);
   read_pours(map, scenario, names);
   read_hoppers(map, scenario, names);
 
@@ -425,28 +395,19 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     return bytes;
   };
   for (const Section& section : sections) total += size(section);
-  for (const Section& section : sections) {
-    if (!section.motion) {
-      scenario.machines.push_back(input_of(section));
-      continue;
+  for (Section& section : sections) {
+    MachineInput& machine = section.machine;
+    if (section.motion) {
+      machine.motion = MotionFile(
+          *section.motion, machine.chain, machine.angles, section.on_bad_row,
+          [&](const Motion& part, std::int64_t bytes) {
+            machine.swept.add(part, machine.bucket);
+            if (progress) progress(done + bytes, total);
+          },
+          scenario.warnings);
+      done += size(section);
     }
-    SweptBoxes swept;
-    MotionFile motion(
-        *section.motion, section.chain, section.angles, section.on_bad_row,
-        [&](const Motion& part, std::int64_t bytes) {
-          swept.add(part, section.bucket);
-          if (progress) progress(done + bytes, total);
-        },
-        scenario.warnings);
-    done += size(section);
-    scenario.machines.emplace_back(section.name, section.bucket, std::move(motion),
-                                   std::move(swept));
-    scenario.machines.back().chain = section.chain;
-    scenario.machines.back().chain_file = section.chain_file;
-    scenario.machines.back().lip_sigma_m = section.lip_sigma_m;
-    scenario.machines.back().gnss = section.gnss;
-    scenario.machines.back().topic = section.topic;
-    scenario.machines.back().angles = section.angles;
+    scenario.machines.push_back(std::move(machine));
   }
   read_scan_inputs(map, scenario);
   return scenario;

@@ -4,6 +4,7 @@
 // format version 1.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -51,7 +52,6 @@ using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
 struct MachineInput {
   /// A machine with a motion in memory.
   MachineInput(std::string name, Bucket bucket, Motion motion);
-  MachineInput(std::string name, Bucket bucket, MotionFile motion, SweptBoxes swept);
   /// A machine without a motion, which the caller moves: by poses or, with a chain, by joints.
   MachineInput(std::string name, Bucket bucket, std::optional<Chain> chain = std::nullopt);
 
@@ -124,6 +124,11 @@ struct Scenario {
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
   /// About unused columns, joints beyond limits, left-out bad rows, doubtful soil and buckets.
   std::vector<std::string> warnings;
+
+  /// Unless it is there.
+  void add_input(const std::filesystem::path& path) {
+    if (std::find(inputs.begin(), inputs.end(), path) == inputs.end()) inputs.push_back(path);
+  }
 };
 
 /// Receives the number of bytes read of all motions, and their total.
