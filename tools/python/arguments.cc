@@ -130,6 +130,13 @@ Array rows(const py::handle& given, const char* name, py::ssize_t columns) {
   return array;
 }
 
+std::vector<Vec2> places(const py::handle& given, const char* name) {
+  const Array array = rows(given, name, 2);
+  std::vector<Vec2> all(static_cast<std::size_t>(array.shape(0)));
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Vec2(array.data() + 2 * i);
+  return all;
+}
+
 Vec3 vector3(const py::handle& given, const char* name) {
   Vec3 v;
   numbers(given, name, {v.data(), 3});

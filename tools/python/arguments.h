@@ -38,6 +38,8 @@ void numbers(const py::handle& given, const char* name, std::span<double> out);
 /// An array of shape (N, columns), converted to doubles if necessary. @throw as numbers()
 Array rows(const py::handle& given, const char* name, py::ssize_t columns);
 
+/// The rows of an array of shape (N, 2). @throw as numbers()
+std::vector<Vec2> places(const py::handle& given, const char* name);
 Vec3 vector3(const py::handle& given, const char* name);
 /// A pose from a position and a rotation (x, y, z, w; None: no rotation), or from a 4 x 4 array.
 /// @throw as numbers()

@@ -19,10 +19,8 @@ namespace {
 /// @param heights_of fills heights of a session at places
 template <typename F>
 Array heights(Site& site, const py::object& xy, const F& heights_of) {
-  const Array given = rows(xy, "xy", 2);
-  const auto count = static_cast<std::size_t>(given.shape(0));
-  std::vector<Vec2> places(count);
-  for (std::size_t i = 0; i < count; ++i) places[i] = Vec2(given.data() + 2 * i);
+  const std::vector<Vec2> at = places(xy, "xy");
+  const std::size_t count = at.size();
   Array out(static_cast<py::ssize_t>(count));
   const std::span<double> heights_m(out.mutable_data(), count);
   site.with([&](Session& session) {
@@ -30,7 +28,7 @@ Array heights(Site& site, const py::object& xy, const F& heights_of) {
     for (std::size_t from = 0; from < count; from += kPiece) {
       if (from > 0) handle_signals();
       const std::size_t piece = std::min(kPiece, count - from);
-      heights_of(session, std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
+      heights_of(session, std::span(at).subspan(from, piece), heights_m.subspan(from, piece));
     }
   });
   return out;
@@ -233,14 +231,11 @@ Array cast(Site& site, const py::object& origins, const py::object& directions) 
 /// What was dug and filled inside a boundary.
 BoundaryVolume volume(Site& site, const py::object& boundary,
                       const std::optional<TerrainValue>& design, bool sigma) {
-  const Array given = rows(boundary, "boundary", 2);
-  if (given.shape(0) < 3) throw py::value_error("boundary must have 3 corners or more");
-  std::vector<Vec2> corners;
-  for (py::ssize_t i = 0; i < given.shape(0); ++i) {
-    corners.emplace_back(given.data() + 2 * i);
-    if (!corners.back().allFinite())
+  const std::vector<Vec2> corners = places(boundary, "boundary");
+  if (corners.size() < 3) throw py::value_error("boundary must have 3 corners or more");
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    if (!corners[i].allFinite())
       throw py::value_error(fmt::format("boundary: corner {} is not finite", i));
-  }
   return site.with([&](Session& session) {
     return session.volume(corners, design ? &design->surface() : nullptr, sigma);
   });

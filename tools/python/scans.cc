@@ -139,10 +139,8 @@ SurveyedGround survey(Site& site, const TerrainValue& terrain, const py::object&
   options.name = "the survey";
   options.trusts_heights = trust_heights;
   if (!boundary.is_none()) {
-    const Array given = rows(boundary, "boundary", 2);
-    if (given.shape(0) < 3) throw py::value_error("boundary must have 3 corners or more");
-    for (py::ssize_t i = 0; i < given.shape(0); ++i)
-      options.boundary.emplace_back(given.data() + 2 * i);
+    options.boundary = places(boundary, "boundary");
+    if (options.boundary.size() < 3) throw py::value_error("boundary must have 3 corners or more");
   }
   SurveyedGround made;
   std::vector<std::string> warnings;

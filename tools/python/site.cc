@@ -22,6 +22,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+/// A member of the session as one of the site.
+template <auto member>
+auto of_session(Site& site) {
+  return site.with([](Session& session) { return (session.*member)(); });
+}
+
 constexpr auto kSignalsEvery = std::chrono::milliseconds(50);
 
 template <typename Value>
@@ -150,6 +156,12 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
   return all;
 }
 
+/// (position, rotation)
+py::tuple arrays_of(const Pose& pose) {
+  const std::array<double, kPoseNumbers> row = row_of(pose);
+  return py::make_tuple(Array(py::ssize_t{3}, row.data()), Array(py::ssize_t{4}, &row[3]));
+}
+
 /// The bucket's pose as it is, or for one row of joints or many.
 py::tuple pose_of_machine(Site& site, const MachineName& machine, const py::object& joints,
                           const py::object& base) {
@@ -163,9 +175,7 @@ py::tuple pose_of_machine(Site& site, const MachineName& machine, const py::obje
                                                 session.machines()[number].name));
       return last->pose;
     });
-    const Eigen::Vector4d xyzw = now.rotation.coeffs();
-    return py::make_tuple(Array(py::ssize_t{3}, now.position.data()),
-                          Array(py::ssize_t{4}, xyzw.data()));
+    return arrays_of(now);
   }
   const Array given = array_of(joints_of(joints, joint_names(site, machine)), "joints");
   if (given.ndim() < 1 || given.ndim() > 2 || given.shape(given.ndim() - 1) == 0)
@@ -181,11 +191,10 @@ py::tuple pose_of_machine(Site& site, const MachineName& machine, const py::obje
   site.with([&](Session& session) {
     const std::size_t number = machine_of(session, machine);
     for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-      const Pose pose = session.pose(number, std::span(values).subspan(i * width, width),
-                                     one ? one : bases.at(i));
-      position = std::copy(pose.position.begin(), pose.position.end(), position);
-      const Eigen::Vector4d xyzw = pose.rotation.coeffs();
-      turn = std::copy(xyzw.begin(), xyzw.end(), turn);
+      const auto row = row_of(session.pose(number, std::span(values).subspan(i * width, width),
+                                           one ? one : bases.at(i)));
+      position = std::copy_n(row.begin(), 3, position);
+      turn = std::copy_n(&row[3], 4, turn);
     }
   });
   if (given.ndim() == 2) return py::make_tuple(positions, turns);
@@ -361,7 +370,7 @@ void bind_site(py::module_& m) {
           "Opens a scenario: its site, machines and soil, before any machine moves. limits: as for "
           "Site().")
       .def_property(
-          "limits", [](Site& s) { return s.with([](Session& one) { return one.limits(); }); },
+          "limits", &of_session<&Session::limits>,
           [](Site& s, const py::object& given) {
             if (!PyBool_Check(given.ptr())) throw py::type_error("limits must be True or False");
             const bool on = given.is(py::bool_(true));
@@ -408,11 +417,8 @@ void bind_site(py::module_& m) {
       .def(
           "base",
           [](Site& s, const MachineName& machine) {
-            const Pose base = s.with(
-                [&](Session& session) { return session.base(machine_of(session, machine)); });
-            const Eigen::Vector4d xyzw = base.rotation.coeffs();
-            return py::make_tuple(Array(py::ssize_t{3}, base.position.data()),
-                                  Array(py::ssize_t{4}, xyzw.data()));
+            return arrays_of(s.with(
+                [&](Session& session) { return session.base(machine_of(session, machine)); }));
           },
           py::arg("machine"),
           "World pose of the root of a machine's joints after its last state: (position, "
@@ -443,10 +449,7 @@ void bind_site(py::module_& m) {
           "Call it after a machine's wrong clock was set right: the machine's next time may be "
           "earlier than its last time.")
       .def(
-          "come_to_rest",
-          [](Site& s) {
-            require_good(s.with([](Session& session) { return session.come_to_rest(); }));
-          },
+          "come_to_rest", [](Site& s) { require_good(of_session<&Session::come_to_rest>(s)); },
           "Lets soil that is too steep or overhangs come to rest, as at the end of a run.")
       .def(
           "mesh",
@@ -468,17 +471,11 @@ void bind_site(py::module_& m) {
            "Loose: the bucket's load, spilled and dumped. One machine also has bucket_kg. All "
            "machines also have fill_m3, which moving soil added to the ground. They also have "
            "loose volumes of pours, hoppers and failed slopes: poured_m3, hauled_m3, slid_m3.")
-      .def(
-          "change_m3",
-          [](Site& s) { return s.with([](Session& session) { return session.change_m3(); }); },
-          "Volume of the ground minus that of the terrain, counted anew, m3.")
-      .def(
-          "ground_hash",
-          [](Site& s) { return s.with([](Session& session) { return session.ground_hash(); }); },
-          "Hash of the ground: `state_hash` of a run's summary.json, as a number.")
-      .def_property_readonly(
-          "voxel_size",
-          [](Site& s) { return s.with([](Session& session) { return session.voxel_size_m(); }); })
+      .def("change_m3", &of_session<&Session::change_m3>,
+           "Volume of the ground minus that of the terrain, counted anew, m3.")
+      .def("ground_hash", &of_session<&Session::ground_hash>,
+           "Hash of the ground: `state_hash` of a run's summary.json, as a number.")
+      .def_property_readonly("voxel_size", &of_session<&Session::voxel_size_m>)
       .def_property_readonly(
           "machines",
           [](Site& s) {
@@ -505,10 +502,7 @@ void bind_site(py::module_& m) {
           "export` makes rasters and meshes from it. Terrain of an array is written beside it, as "
           "terrain_....tif, which it needs.")
       .def(
-          "save",
-          [](Site& s) {
-            return py::bytes(s.with([](Session& session) { return session.save(); }));
-          },
+          "save", [](Site& s) { return py::bytes(of_session<&Session::save>(s)); },
           "Returns the complete state that the next update depends on, as bytes for restore().")
       .def(
           "restore",
@@ -526,8 +520,7 @@ void bind_site(py::module_& m) {
       .def(
           "clone",
           [](Site& s) {
-            return std::make_unique<Site>(s.with([](Session& session) { return session.clone(); }),
-                                          s.made_from());
+            return std::make_unique<Site>(of_session<&Session::clone>(s), s.made_from());
           },
           "Returns another site in the same state: the same updates give the same results in both.")
       .def(
@@ -542,18 +535,11 @@ void bind_site(py::module_& m) {
           "Returns (updates, time) that the folder held. Raises ValueError for a folder of another "
           "site.")
       .def_property_readonly(
-          "acknowledged",
-          [](Site& s) {
-            return pair(s.with([](Session& session) { return session.acknowledged(); }));
-          },
+          "acknowledged", [](Site& s) { return pair(of_session<&Session::acknowledged>(s)); },
           "(updates, time) of the part of the recording that is on disk for certain.")
-      .def(
-          "flush", [](Site& s) { s.with([](Session& session) { session.flush(); }); },
-          "Waits until the whole recording is on disk.")
-      .def(
-          "stop_recording",
-          [](Site& s) { s.with([](Session& session) { session.stop_recording(); }); },
-          "Calls flush() and releases the folder.")
+      .def("flush", &of_session<&Session::flush>, "Waits until the whole recording is on disk.")
+      .def("stop_recording", &of_session<&Session::stop_recording>,
+           "Calls flush() and releases the folder.")
       .def(
           "limit_memory",
           [](Site& s, double megabytes, const std::filesystem::path& folder) {
@@ -585,10 +571,10 @@ void bind_site(py::module_& m) {
       .def("__exit__", [](Site& s, const py::args&) { s.close(); })
       .def("__reduce__", [](const py::object& self) {
         auto& site = self.cast<Site&>();
-        const py::bytes state(site.with([](Session& session) { return session.save(); }));
-        const bool limits = site.with([](Session& session) { return session.limits(); });
-        return py::make_tuple(py::module_::import("soilvdb").attr("_unpickle"),
-                              py::make_tuple(site.made_from(), state, limits));
+        const py::bytes state(of_session<&Session::save>(site));
+        return py::make_tuple(
+            py::module_::import("soilvdb").attr("_unpickle"),
+            py::make_tuple(site.made_from(), state, of_session<&Session::limits>(site)));
       });
 
   bind_looks(bound, m);

@@ -25,12 +25,7 @@ namespace soilvdb::python {
 namespace {
 
 std::vector<Vec2> outline(const py::object& given) {
-  std::vector<Vec2> points;
-  if (given.is_none()) return points;
-  const Array array = rows(given, "profile", 2);
-  for (py::ssize_t i = 0; i < array.shape(0); ++i)
-    points.emplace_back(array.at(i, 0), array.at(i, 1));
-  return points;
+  return given.is_none() ? std::vector<Vec2>() : places(given, "profile");
 }
 
 py::list outline(const std::vector<Vec2>& points) {
@@ -62,14 +57,8 @@ Pose pose_if(const py::object& matrix) {
   return matrix.is_none() ? Pose{} : pose(py::none(), py::none(), matrix);
 }
 
-std::vector<double> seven_of(const Pose& pose) {
-  const auto& q = pose.rotation;
-  const Vec3& p = pose.position;
-  return {p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w()};
-}
-Pose pose_of_seven(const py::handle& row) {
-  const auto v = row.cast<std::array<double, 7>>();
-  return {Vec3(v.data()), quaternion(std::span(v).subspan<3>())};
+Pose pose_of_row(const py::handle& row) {
+  return soilvdb::pose_of(row.cast<std::array<double, kPoseNumbers>>().data());
 }
 
 }  // namespace
@@ -215,13 +204,13 @@ void bind_values(py::module_& m) {
            })
       .def(py::pickle(
           [](const MachineValue& v) {
-            return py::make_tuple(v.machine.bucket, v.machine.name, v.urdf, v.link,
-                                  seven_of(v.base), seven_of(v.lip));
+            return py::make_tuple(v.machine.bucket, v.machine.name, v.urdf, v.link, row_of(v.base),
+                                  row_of(v.lip));
           },
           [](const py::tuple& t) {
             return MachineValue(t[0].cast<Bucket>(), t[1].cast<std::string>(),
                                 t[2].cast<std::optional<std::filesystem::path>>(),
-                                t[3].cast<std::string>(), pose_of_seven(t[4]), pose_of_seven(t[5]));
+                                t[3].cast<std::string>(), pose_of_row(t[4]), pose_of_row(t[5]));
           }));
 
   py::class_<TerrainValue>(m, "Terrain",
