@@ -100,16 +100,19 @@ class CommandLine {
   }
 
  private:
+  /// @param kind of its value, for the help
+  static CLI::Option* add(CLI::App* sub, const char* name, auto& value, const char* kind,
+                          const std::string& help) {
+    return sub->add_option(name, value, help)->type_name(kind);
+  }
   /// @param otherwise the default, in words
   static void add_memory(CLI::App* sub, std::optional<std::int64_t>& mb, const char* otherwise) {
-    sub->add_option(
-           "--memory", mb,
-           fmt::format(
-               "largest memory of the ground, MB, 16 or more; ground that was unused for longest "
-               "goes to an unnamed file in the run's folder. The program needs 100 MB more, and up "
-               "to 11 kB per chunk of 8 x 8 x 8 voxels while it writes a snapshot. Default: {}",
-               otherwise))
-        ->type_name("MB")
+    add(sub, "--memory", mb, "MB",
+        fmt::format(
+            "largest memory of the ground, MB, 16 or more; ground that was unused for longest "
+            "goes to an unnamed file in the run's folder. The program needs 100 MB more, and up "
+            "to 11 kB per chunk of 8 x 8 x 8 voxels while it writes a snapshot. Default: {}",
+            otherwise))
         ->transform(number_between(
             kLeastMemory_mb, kMostMemory_mb, true,
             fmt::format("a whole number of MB from {} to {}", kLeastMemory_mb, kMostMemory_mb)));
@@ -126,20 +129,16 @@ class CommandLine {
   void add_run() {
     CLI::App* sub = app_.add_subcommand("run", "dig a scenario");
     sub->add_option("SCENARIO", run_.scenario, "scenario file (YAML)")->required();
-    sub->add_option("--out", run_.out, "folder to write to; default: out/<scenario name>")
-        ->type_name("DIR");
-    sub->add_option("--voxel", run_.voxel_size_m, "voxel size instead of the scenario's, m")
-        ->type_name("M")
+    add(sub, "--out", run_.out, "DIR", "folder to write to; default: out/<scenario name>");
+    add(sub, "--voxel", run_.voxel_size_m, "M", "voxel size instead of the scenario's, m")
         ->check(number_between(
             kLeastVoxel_m, kMostVoxel_m, false,
             fmt::format("a voxel size from {} to {} m", kLeastVoxel_m, kMostVoxel_m)));
-    sub->add_option("--threads", run_.threads, "threads; default: one per core")
-        ->type_name("N")
+    add(sub, "--threads", run_.threads, "N", "threads; default: one per core")
         ->transform(number_between(1, 1024, true, "a whole number from 1 to 1024"));
-    sub->add_option("--updates", run_.updates,
-                    "updates of each machine, even in time over its motion; default: one per row "
-                    "of the motion")
-        ->type_name("N")
+    add(sub, "--updates", run_.updates, "N",
+        "updates of each machine, even in time over its motion; default: one per row "
+        "of the motion")
         ->transform(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
     add_memory(sub, run_.memory_mb, "what it takes");
     sub->add_flag("--no-mesh", no_mesh_, "no mesh, even if the scenario asks for one");
@@ -163,66 +162,50 @@ class CommandLine {
     sub->add_option("SCENARIO|DIR", serve_.scenario,
                     "scenario file (YAML), or the folder of a run or recording to look at")
         ->required();
-    sub->add_option("--out", serve_.out,
-                    "folder to record to; a recording in it is continued. Default: out/<scenario "
-                    "name>_live, with --speed a temporary folder")
-        ->type_name("DIR");
-    sub->add_option("--port", serve_.port,
-                    "port to listen on, 0 for any that is free; default: 8470")
-        ->type_name("P")
+    add(sub, "--out", serve_.out, "DIR",
+        "folder to record to; a recording in it is continued. Default: out/<scenario "
+        "name>_live, with --speed a temporary folder");
+    add(sub, "--port", serve_.port, "P", "port to listen on, 0 for any that is free; default: 8470")
         ->transform(number_between(0, 65535, true, "a whole number from 0 to 65535"));
-    sub->add_option("--listen", serve_.listen,
-                    "address of this machine to listen on; default: 127.0.0.1, for this machine "
-                    "alone")
-        ->type_name("ADDR");
-    sub->add_option("--token-file", serve_.token_file,
-                    "file with the secret of those who feed, and look; required with --listen. "
-                    "Default: the variable SOILVDB_TOKEN")
-        ->type_name("FILE");
-    sub->add_option("--view-token-file", serve_.view_token_file,
-                    "file with the secret of those who only look. Default: the variable "
-                    "SOILVDB_VIEW_TOKEN")
-        ->type_name("FILE");
-    sub->add_option("--token", serve_.token,
-                    "the secret itself, which other users of this machine can then read")
-        ->type_name("T");
-    sub->add_option("--view-token", serve_.view_token, "the same of those who only look")
-        ->type_name("T");
+    add(sub, "--listen", serve_.listen, "ADDR",
+        "address of this machine to listen on; default: 127.0.0.1, for this machine "
+        "alone");
+    add(sub, "--token-file", serve_.token_file, "FILE",
+        "file with the secret of those who feed, and look; required with --listen. "
+        "Default: the variable SOILVDB_TOKEN");
+    add(sub, "--view-token-file", serve_.view_token_file, "FILE",
+        "file with the secret of those who only look. Default: the variable "
+        "SOILVDB_VIEW_TOKEN");
+    add(sub, "--token", serve_.token, "T",
+        "the secret itself, which other users of this machine can then read");
+    add(sub, "--view-token", serve_.view_token, "T", "the same of those who only look");
     sub->add_flag("--public-view", serve_.public_view, "whoever only looks needs no secret");
-    sub->add_option("--base-path", serve_.base_path,
-                    "path below which a proxy serves it, such as /dig; default: the root")
-        ->type_name("PATH");
-    sub->add_option("--speed", serve_.speed,
-                    "play the scenario's own motions, at this multiple of their speed")
-        ->type_name("X")
+    add(sub, "--base-path", serve_.base_path, "PATH",
+        "path below which a proxy serves it, such as /dig; default: the root");
+    add(sub, "--speed", serve_.speed, "X",
+        "play the scenario's own motions, at this multiple of their speed")
         ->check(number_between(1e-3, 1e4, false, "a number from 0.001 to 10000"));
-    sub->add_option("--design", serve_.design,
-                    "design surface to compare the ground with: a raster, or the triangles of a "
-                    "LandXML (.xml) or DXF; one of several surfaces as FILE#NAME")
-        ->type_name("FILE");
-    sub->add_option("--lines", serve_.lines,
-                    "lines of a design to draw: LandXML (.xml), DXF, GeoPackage, GeoJSON or "
-                    "Shapefile")
-        ->type_name("FILE");
-    sub->add_option("--drape", serve_.drape,
-                    "orthophoto or map to lay over the ground on the page (GeoTIFF, JPEG, PNG ...)")
-        ->type_name("FILE");
-    sub->add_option("--boundary", serve_.boundary,
-                    "boundary that machines must not leave: a line x,y for each corner")
-        ->type_name("FILE");
+    add(sub, "--design", serve_.design, "FILE",
+        "design surface to compare the ground with: a raster, or the triangles of a "
+        "LandXML (.xml) or DXF; one of several surfaces as FILE#NAME");
+    add(sub, "--lines", serve_.lines, "FILE",
+        "lines of a design to draw: LandXML (.xml), DXF, GeoPackage, GeoJSON or "
+        "Shapefile");
+    add(sub, "--drape", serve_.drape, "FILE",
+        "orthophoto or map to lay over the ground on the page (GeoTIFF, JPEG, PNG ...)");
+    add(sub, "--boundary", serve_.boundary, "FILE",
+        "boundary that machines must not leave: a line x,y for each corner");
     sub->add_flag("--stdin", serve_.feed_stdin,
                   "feed lines from standard input, too; answers go to standard output");
     sub->add_flag("--ros", serve_.ros,
                   "exchange messages with nodes of ROS 2: the topics of motions move machines, and "
                   "loads, forces and the ground are published");
-    sub->add_option("--mqtt", serve_.mqtt,
-                    "feed what is published below TOPIC/feed at a broker of MQTT, too: "
-                    "[mqtts://][USER@]HOST[:PORT][/TOPIC]. Default: port 1883, with mqtts:// and "
-                    "TLS 8883, and the topic soilvdb/<scenario name>")
-        ->type_name("BROKER");
-    sub->add_option("--mqtt-password-file", serve_.mqtt_password_file,
-                    "file with USER's password. Default: the variable SOILVDB_MQTT_PASSWORD")
-        ->type_name("FILE");
+    add(sub, "--mqtt", serve_.mqtt, "BROKER",
+        "feed what is published below TOPIC/feed at a broker of MQTT, too: "
+        "[mqtts://][USER@]HOST[:PORT][/TOPIC]. Default: port 1883, with mqtts:// and "
+        "TLS 8883, and the topic soilvdb/<scenario name>");
+    add(sub, "--mqtt-password-file", serve_.mqtt_password_file, "FILE",
+        "file with USER's password. Default: the variable SOILVDB_MQTT_PASSWORD");
     sub->callback([this] { command_ = [this] { serve(serve_); }; });
   }
 
@@ -242,15 +225,12 @@ class CommandLine {
   void add_export() {
     CLI::App* sub = app_.add_subcommand("export", "write a snapshot for other programs");
     sub->add_option("FILE", export_.file, "snapshot (.vdb)")->required();
-    sub->add_option("--to", export_.to,
-                    "file to write: .ply .obj .stl .glb mesh, .tif surface and change, .xml "
-                    "LandXML surface, .png picture, .vdb closed level set")
-        ->type_name("OUT")
+    add(sub, "--to", export_.to, "OUT",
+        "file to write: .ply .obj .stl .glb mesh, .tif surface and change, .xml "
+        "LandXML surface, .png picture, .vdb closed level set")
         ->required();
-    sub->add_option("--region", export_.region, "only this part of the site, m")
-        ->type_name("XMIN,YMIN,XMAX,YMAX");
-    sub->add_option("--view", export_.view, "of a .png picture; default: plan")
-        ->type_name("plan|perspective")
+    add(sub, "--region", export_.region, "XMIN,YMIN,XMAX,YMAX", "only this part of the site, m");
+    add(sub, "--view", export_.view, "plan|perspective", "of a .png picture; default: plan")
         ->check(CLI::Validator(
             [](std::string& text) {
               if (text == "plan" || text == "perspective") return std::string();
@@ -266,8 +246,7 @@ class CommandLine {
     CLI::App* sub = app_.add_subcommand("diff", "cut and fill between two snapshots of a site");
     sub->add_option("A.vdb", diff_.before, "snapshot before")->required();
     sub->add_option("B.vdb", diff_.after, "snapshot after")->required();
-    sub->add_option("--to", diff_.to, "write the change of height: .tif raster or .png picture")
-        ->type_name("OUT");
+    add(sub, "--to", diff_.to, "OUT", "write the change of height: .tif raster or .png picture");
     sub->add_flag("--json", diff_.json, "print the numbers as JSON");
     sub->callback([this] { command_ = [this] { diff(diff_); }; });
   }
