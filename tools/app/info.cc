@@ -81,7 +81,7 @@ void info_snapshot(const fs::path& file) {
   if (info.parent)
     line("goes on from",
          fmt::format("{}; {} in all since a whole one", io::printable(info.parent->name),
-                     counted(static_cast<double>(info.parent->depth), "incremental snapshot")));
+                     counted(info.parent->depth, "incremental snapshot")));
   line("resident", fmt::format("{} m², {} chunks, {} voxels", number(ground.resident_m2()),
                                ground.chunks().size(), ground.active_voxels()));
   line("bounds", box_text(box));
@@ -90,21 +90,26 @@ void info_snapshot(const fs::path& file) {
 }
 
 /// Heights of a raster: all of a small one, evenly spread windows of a large one.
-struct Heights {
+struct SampledHeights {
   std::int64_t read = 0, known = 0;
   float low = std::numeric_limits<float>::infinity(), high = -low;
   bool all = true;
+
+  std::string text() const {
+    if (known == 0) return "none in what was sampled";
+    return fmt::format("{:.2f} to {:.2f} m{}", low, high, all ? "" : ", of evenly spread samples");
+  }
 };
 
 /// @param block_columns width of storage blocks; windows of this width are fast to read
-Heights sample_heights(const io::RasterInput& raster, int block_columns) {
+SampledHeights sample_heights(const io::RasterInput& raster, int block_columns) {
   constexpr int kWindow = 1 << 14, kMostWindows = 256, kLeastColumns = 128;
   const HeightGrid& grid = raster.grid;
   const int columns = std::min(std::max(block_columns, kLeastColumns), grid.nx);
   const int rows = std::clamp(kWindow / columns, 1, grid.ny);
   const std::int64_t nx = (grid.nx + columns - 1) / columns, ny = (grid.ny + rows - 1) / rows;
   const std::int64_t windows = std::min<std::int64_t>(nx * ny, kMostWindows);
-  Heights heights;
+  SampledHeights heights;
   heights.all = windows == nx * ny;
   std::vector<float> values;
   for (std::int64_t i = 0; i < windows; ++i) {
@@ -137,13 +142,10 @@ void info_raster(const fs::path& file) {
   line("NODATA", facts.nodata.empty() ? "none named" : facts.nodata);
   try {
     const io::RasterInput raster = io::open_raster(file);
-    const Heights heights = sample_heights(raster, facts.block_columns);
+    const SampledHeights heights = sample_heights(raster, facts.block_columns);
     const double share = 1 - static_cast<double>(heights.known) /
                                  static_cast<double>(std::max<std::int64_t>(heights.read, 1));
-    line("heights", heights.known == 0
-                        ? std::string("none in what was sampled")
-                        : fmt::format("{:.2f} to {:.2f} m{}", heights.low, heights.high,
-                                      heights.all ? "" : ", of evenly spread samples"));
+    line("heights", heights.text());
     line("no height", fmt::format("{:.3g} % of the cells", 100 * share));
     line("as terrain", "usable");
     for (const std::string& warning : raster.warnings) line("warning", warning);
@@ -159,7 +161,7 @@ void info_tin(const fs::path& file) {
   const io::RasterInput surface = io::open_raster(file);
   const HeightGrid& grid = surface.grid;
   constexpr int kTile = 64;
-  const Heights heights = sample_heights(surface, kTile);
+  const SampledHeights heights = sample_heights(surface, kTile);
   fmt::print("{}: surface of triangles, {}\n", file.string(), surface.driver);
   line("extent",
        box_text(Eigen::AlignedBox2d(
@@ -167,9 +169,7 @@ void info_tin(const fs::path& file) {
   line("CRS", surface.crs_wkt.empty() ? "not known" : crs_text(surface.crs_wkt));
   line("posts", fmt::format("{} x {}, {:.3g} x {:.3g} m apart", grid.nx, grid.ny, grid.spacing.x(),
                             grid.spacing.y()));
-  if (heights.known > 0)
-    line("heights", fmt::format("{:.2f} to {:.2f} m{}", heights.low, heights.high,
-                                heights.all ? "" : ", of evenly spread samples"));
+  if (heights.known > 0) line("heights", heights.text());
   line("as terrain", "usable");
   for (const std::string& warning : surface.warnings) line("warning", warning);
 }
@@ -223,10 +223,9 @@ void print_scans(const io::Scenario& scenario) {
                          ? fmt::format(" and {:g} m at 10 m of range",
                                        100 * first.sensor.range_squared_sigma_per_m)
                          : ""));
-    line("  scans",
-         fmt::format("{}, {} s to {} s, from {}",
-                     counted(static_cast<double>(scans.size()), "scan"), time_text(first.time_s),
-                     time_text(scans.back()->time_s), first.file.filename().string()));
+    line("  scans", fmt::format("{}, {} s to {} s, from {}", counted(scans.size(), "scan"),
+                                time_text(first.time_s), time_text(scans.back()->time_s),
+                                first.file.filename().string()));
   }
 }
 
@@ -284,7 +283,7 @@ void info_scenario(const fs::path& file) {
       }
     }
     line("  motion",
-         fmt::format("{}, {} s from {} s", counted(static_cast<double>(motion.rows()), "row"),
+         fmt::format("{}, {} s from {} s", counted(motion.rows(), "row"),
                      time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
     line(bucket.shape ? "  tool in" : "  mouth in", box_text(box));
     if (motion.stops()) line("warning", motion.bad_rows().first + "; a run ends before this row");

@@ -114,10 +114,10 @@ void resume(const ResumeOptions& options) {
   io::JournalContent journal = open_run(path);
   const std::vector<RunFile> faulty = take_faulty(path, journal);
   const io::JournalExtent& done = journal.done;
-  const std::string reached = fmt::format(
-      fmt::runtime(journal.ended ? "{}: the run is finished: {} to {} s\n"
-                                 : "{}: {} acknowledged, to {} s\n"),
-      path.string(), counted(static_cast<double>(done.updates), "update"), time_text(done.time_s));
+  const std::string reached =
+      fmt::format(fmt::runtime(journal.ended ? "{}: the run is finished: {} to {} s\n"
+                                             : "{}: {} acknowledged, to {} s\n"),
+                  path.string(), counted(done.updates, "update"), time_text(done.time_s));
   if (journal.ended && faulty.empty() && !journal.damaged) {
     fmt::print("{}", reached);
     return;

@@ -57,11 +57,8 @@ std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>&
                                                  Vec2(raster.grid.nx - 1, raster.grid.ny - 1)));
   if (!site.bounds.isEmpty() && !site.bounds.intersects(around))
     say(fmt::format(
-        "warning: the design {} doesn't overlap the terrain: it goes from {:.0f}, {:.0f} to "
-        "{:.0f}, {:.0f}, and the terrain from {:.0f}, {:.0f} to {:.0f}, {:.0f}",
-        file->string(), around.min().x(), around.min().y(), around.max().x(), around.max().y(),
-        site.bounds.min().x(), site.bounds.min().y(), site.bounds.max().x(),
-        site.bounds.max().y()));
+        "warning: the design {} doesn't overlap the terrain: it goes {}, and the terrain {}",
+        file->string(), extent_text(around), extent_text(site.bounds)));
   for (const std::string& warning : raster.warnings) say("warning: " + warning);
   if (!std::holds_alternative<io::PlaneTerrain>(site.undug().terrain))
     for (const std::string& difference : io::crs_differences(
@@ -390,13 +387,12 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   site.record(recording, {});
   if (site.fed() > 0)
     say(fmt::format("{}: going on after {}{}", recording.folder.string(),
-                    counted(static_cast<double>(site.fed()), "state"), at_time(site)));
+                    counted(site.fed(), "state"), at_time(site)));
   else if (!played)
     say(recording.folder.string() + ": begins here");
   if (all.ros)
     say(fmt::format("ROS 2: domain {}, {} moved by topics; {} may feed and look without a secret",
-                    all.ros->domain,
-                    counted(static_cast<double>(all.ros->machines.size()), "machine"),
+                    all.ros->domain, counted(all.ros->machines.size(), "machine"),
                     all.ros->only_this_computer ? "whoever is on this computer"
                                                 : "whoever reaches this domain"));
   if (all.mqtt)
@@ -426,7 +422,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   const io::JournalExtent done = site.session().acknowledged();
   if (!played)
     say(fmt::format("safe in {}: {}, to {} s; `{}` goes on", recording.folder.string(),
-                    counted(static_cast<double>(done.updates), "state"), time_text(done.time_s),
+                    counted(done.updates, "state"), time_text(done.time_s),
                     command_again(options)));
 }
 

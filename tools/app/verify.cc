@@ -62,8 +62,8 @@ std::string fault_of_end(const fs::path& folder, const io::JournalContent& journ
   const nlohmann::json& updates = summary[acknowledged];
   if (!updates.is_number_unsigned() || updates <= journal.done.updates) return "";
   return fmt::format("is damaged: it ends after {}, and held {} when {} was written",
-                     counted(static_cast<double>(journal.done.updates), "update"),
-                     updates.get<std::uint64_t>(), kSummaryName);
+                     counted(journal.done.updates, "update"), updates.get<std::uint64_t>(),
+                     kSummaryName);
 }
 
 /// Prints files that look like a run's but are not in its journal. They are no fault: a crash or a
@@ -120,9 +120,8 @@ void verify_run(const fs::path& folder) {
     fmt::print("{:<20} {}\n", name, fault.empty() ? good : fault);
     if (!fault.empty()) faults.push_back(fmt::format("{} {}", name, fault));
   };
-  const std::string reached =
-      fmt::format("{} to {} s", counted(static_cast<double>(journal.done.updates), "update"),
-                  time_text(journal.done.time_s));
+  const std::string reached = fmt::format("{} to {} s", counted(journal.done.updates, "update"),
+                                          time_text(journal.done.time_s));
   report(kJournalName,
          journal.damaged
              ? fmt::format("is damaged at byte {}: {} are good", journal.good_bytes, reached)
@@ -166,8 +165,7 @@ void verify_journal(const fs::path& file) {
   if (journal.damaged)
     throw std::runtime_error(fmt::format("{}: is damaged at byte {}; good to {} s", file.string(),
                                          journal.good_bytes, time_text(journal.done.time_s)));
-  fmt::print("{}: intact, {} to {} s\n", file.string(),
-             counted(static_cast<double>(journal.done.updates), "update"),
+  fmt::print("{}: intact, {} to {} s\n", file.string(), counted(journal.done.updates, "update"),
              time_text(journal.done.time_s));
 }
 

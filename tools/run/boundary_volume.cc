@@ -11,6 +11,7 @@
 
 #include "core/tool/polygon.h"
 #include "soilvdb/difference.h"
+#include "tools/run/text.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -100,11 +101,8 @@ BoundaryVolume volume_inside(const io::Site& site, const Ground& before,
       std::count_if(ground.begin(), ground.end(), [](double z) { return std::isnan(z); });
   const auto all = static_cast<std::ptrdiff_t>(places.size());
   if (change.area_m2 > 0 && voids == all)
-    throw std::invalid_argument(fmt::format(
-        "there is no ground inside the boundary: the terrain goes from {:.0f}, {:.0f} to {:.0f}, "
-        "{:.0f}",
-        site.bounds.min().x(), site.bounds.min().y(), site.bounds.max().x(),
-        site.bounds.max().y()));
+    throw std::invalid_argument("there is no ground inside the boundary: the terrain goes " +
+                                tools::extent_text(site.bounds));
   const double cell_m2 = on_site_m2 / static_cast<double>(std::max<std::ptrdiff_t>(all, 1));
   const double area_m2 = on_site_m2 - static_cast<double>(voids) * cell_m2;
   BoundaryVolume volume{.cut_m3 = change.cut_m3,

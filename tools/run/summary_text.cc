@@ -42,9 +42,8 @@ std::string file_list(const std::vector<std::string>& files) {
 void print_summary(const io::Summary& s, double motion_s, const RunFolder& folder) {
   const io::Durations& updates = s.updates;
   fmt::print("{}: {} of {}, {} s of motion, {} m voxels, {}\n\n", s.scenario,
-             counted(static_cast<double>(updates.count()), "update"),
-             counted(static_cast<double>(s.machines.size()), "machine"), time_text(motion_s),
-             length_text(s.voxel_size_m), counted(s.threads, "thread"));
+             counted(updates.count(), "update"), counted(s.machines.size(), "machine"),
+             time_text(motion_s), length_text(s.voxel_size_m), counted(s.threads, "thread"));
   const auto cubic_metres = [](std::string_view label, double m3) {
     line(label, fmt::format("{} m³", number(m3)));
   };

@@ -11,6 +11,7 @@
 
 #include "core/tool/polygon.h"
 #include "io/terrain/crs.h"
+#include "tools/run/text.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -33,11 +34,6 @@ constexpr double kOffset_m = 0.15, kAlike = 0.5;
 constexpr double kFoot_m = 0.3048, kLikeFeet = 0.05;
 
 using Box = Eigen::AlignedBox2d;
-
-std::string text_of(const Box& box) {
-  return fmt::format("from {:.0f}, {:.0f} to {:.0f}, {:.0f}", box.min().x(), box.min().y(),
-                     box.max().x(), box.max().y());
-}
 
 /// Columns of a rectangle.
 struct SurveyedColumns {
@@ -225,8 +221,8 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
     throw std::invalid_argument(fmt::format(
         "{} misses the site: it goes {}{}, and the terrain {}; are its coordinates those of the "
         "site?",
-        options.name, text_of(survey.bounds), options.boundary.empty() ? "" : " with a boundary",
-        text_of(site.bounds)));
+        options.name, extent_text(survey.bounds),
+        options.boundary.empty() ? "" : " with a boundary", extent_text(site.bounds)));
   if (!common.sizes().allFinite())
     throw std::invalid_argument("neither the survey nor the site has an end; give a boundary");
   const SurveyedColumns columns = columns_in(common, ground);

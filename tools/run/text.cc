@@ -47,12 +47,17 @@ std::string bytes(double count) {
   return fmt::format("{:.3g} TB", count);
 }
 
+std::string extent_text(const Eigen::AlignedBox2d& box) {
+  return fmt::format("from {:.0f}, {:.0f} to {:.0f}, {:.0f}", box.min().x(), box.min().y(),
+                     box.max().x(), box.max().y());
+}
+
 std::string time_text(double seconds) {
   return without_trailing_zeros(fmt::format("{:.6f}", seconds));
 }
 
-std::string counted(double count, const std::string& noun) {
-  return fmt::format("{:.0f} {}{}", count, noun, count == 1 ? "" : "s");
+std::string counted(std::uint64_t count, const std::string& noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
 std::string crs_text(const std::string& wkt) {

@@ -3,6 +3,7 @@
 // Numbers and names in the program's output for people.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "soilvdb/io/site.h"
@@ -22,11 +23,14 @@ std::string length_text(double length_m);
 /// "12.3 MB", by powers of 1000.
 std::string bytes(double count);
 
+/// "from 1, 2 to 3, 4", in whole metres.
+std::string extent_text(const Eigen::AlignedBox2d& box);
+
 /// A time for file names and messages, to a microsecond, without trailing zeros: "12.5".
 std::string time_text(double seconds);
 
 /// "1 update", "2 updates".
-std::string counted(double count, const std::string& noun);
+std::string counted(std::uint64_t count, const std::string& noun);
 
 /// "EPSG:26918", or a phrase for an unknown CRS.
 std::string crs_text(const std::string& wkt);

@@ -93,7 +93,8 @@ class ReportText {
     for (const auto& [unit_s, name] :
          {std::pair(kDay_s, "day"), {kHour_s, "hour"}, {60.0, "minute"}})
       if (std::fmod(every_s, unit_s) == 0)
-        return every_s == unit_s ? name : counted(every_s / unit_s, name);
+        return every_s == unit_s ? name
+                                 : counted(static_cast<std::uint64_t>(every_s / unit_s), name);
     return "";
   }
   static std::string date(double time_s, const char* format) {
