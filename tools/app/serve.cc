@@ -28,6 +28,7 @@
 #include "tools/serve/measures.h"
 #include "tools/serve/player.h"
 #include "tools/serve/server.h"
+#include "tools/serve/temp_folder.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -220,24 +221,6 @@ void show_past(const ServeOptions& options, ServerOptions all) {
   server.run([] { return stop_requested.load(); });
 }
 
-/// The temporary folder of a played site's recording, removed at the end.
-struct Played {
-  Played() {
-    std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
-    if (mkdtemp(path.data()) == nullptr)
-      throw std::runtime_error("no temporary folder for the recording can be made in " +
-                               fs::temp_directory_path().string());
-    folder = path;
-  }
-  ~Played() {
-    std::error_code ignored;
-    fs::remove_all(folder, ignored);
-  }
-  Played(const Played&) = delete;
-  Played& operator=(const Played&) = delete;
-  fs::path folder;
-};
-
 /// Feeds lines of standard input; answers go to standard output.
 void feed_from_input(Server& server) {
   std::string line;
@@ -368,10 +351,10 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   const auto design = open_design(options.design, site.session().site());
   stop_on_signals();  // files take long to read; nothing is written yet
   Recording recording = site.session().recording();
-  const std::optional<Played> played =
-      options.speed && !options.out ? std::optional<Played>(std::in_place) : std::nullopt;
+  std::optional<TempFolder> played;  // what is recorded there is not kept
+  if (options.speed && !options.out) played.emplace("the recording");
   recording.folder =
-      options.out.value_or(played ? played->folder : fs::path("out") / (scenario.name + "_live"));
+      options.out.value_or(played ? played->path() : fs::path("out") / (scenario.name + "_live"));
   recording.waits_for_room = true;
   if (!recording.snapshot_every_s) {
     recording.snapshot_every_s = kSnapshotEvery_s;

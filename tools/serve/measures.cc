@@ -19,6 +19,7 @@
 #include "io/terrain/crs.h"
 #include "tools/serve/ground_view.h"
 #include "tools/serve/line_values.h"
+#include "tools/serve/target.h"
 
 namespace soilvdb::tools {
 namespace {

@@ -18,7 +18,6 @@ class GroundView;
 
 inline constexpr const char* kMeasuresName = "measures.json";
 /// Of a boundary.
-inline constexpr std::size_t kMostCorners = 1000;
 
 struct Measure {
   enum class Kind { kBoundary, kSection, kHeight, kDistance };

@@ -26,6 +26,7 @@
 #include "tools/serve/progress.h"
 #include "tools/serve/report.h"
 #include "tools/serve/server_state.h"
+#include "tools/serve/temp_folder.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -40,38 +41,13 @@ Reply json_reply(const Json& json) {
   return {200, "application/json", io::to_text(json) + '\n', {}, false};
 }
 
-/// A temporary folder for one file.
-class TempFile {
- public:
-  explicit TempFile(const std::string& name) {
-    std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
-    if (mkdtemp(path.data()) == nullptr)
-      throw std::runtime_error("no temporary folder for the file can be made in " +
-                               fs::temp_directory_path().string());
-    folder_ = path;
-    file_ = folder_ / name;
-  }
-  ~TempFile() {
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-  }
-  TempFile(const TempFile&) = delete;
-  TempFile& operator=(const TempFile&) = delete;
-  const fs::path& file() const { return file_; }
-  std::string bytes() const {
-    std::ifstream in(file_, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  }
-
- private:
-  fs::path folder_, file_;
-};
-
 Reply file_reply(const char* name, const char* type,
                  const std::function<void(const fs::path&)>& write) {
-  const TempFile temporary(name);
-  write(temporary.file());
-  return {200, type, temporary.bytes(), name, false};
+  const TempFolder folder("the file");
+  const fs::path file = folder.path() / name;
+  write(file);
+  std::ifstream in(file, std::ios::binary);
+  return {200, type, {std::istreambuf_iterator<char>(in), {}}, name, false};
 }
 
 void require_dug(const Session& session) {
@@ -244,34 +220,24 @@ void ServerState::feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<Fe
 void ServerState::post(const std::string& text, std::string body, const std::string& from,
                        std::function<void(Reply)> done) {
   try {
-    const std::optional<Target> target = parse_target(text);
-    const std::string path = target ? target->path : std::string();
-    if (path == "/feed") {
-      const QueryParameters parameters(*target, {});
+    const Target target = parse_target(text).value_or(Target());
+    const QueryParameters asked(target);
+    if (asked.are_for("/feed", {}))
       return feed_post(std::make_shared<FeedLines>(std::move(body)),
                        std::make_shared<FeedSource>(FeedSource{from}), std::move(done));
-    }
     if (waits_for_undo([this, text, body, from, done] { post(text, body, from, done); })) return;
-    if (path == "/undo") {
-      const QueryParameters parameters(*target, {"machine", "time"});
-      const std::size_t machine = site.session().machine(parameters.text("machine"));
-      return undo(machine, parameters.time("time"), done);
-    }
-    if (path == "/machines" || path == "/hoppers") {
-      const QueryParameters parameters(*target, {});
-      return done(json_reply(change_list(path.substr(1), body)));
-    }
-    if (path == "/measures") {
-      const QueryParameters parameters(*target, {});
-      return done(json_reply(change_measures(body)));
-    }
-    if (path != "/clock")
+    if (asked.are_for("/undo", {"machine", "time"}))
+      return undo(site.session().machine(asked.text("machine")), asked.time("time"), done);
+    for (const char* list : {"machines", "hoppers"})
+      if (asked.are_for(std::string("/") + list, {}))
+        return done(json_reply(change_list(list, body)));
+    if (asked.are_for("/measures", {})) return done(json_reply(change_measures(body)));
+    if (!asked.are_for("/clock", {"machine"}))
       return done(refusal(405,
                           "only GET is answered, and POST of /feed, /survey, /machines, /hoppers, "
                           "/measures, /undo and /clock"));
-    const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
-        site.feed(io::to_text(Json{{"machine", parameters.text("machine")}, {"clock", "reset"}}));
+        site.feed(io::to_text(Json{{"machine", asked.text("machine")}, {"clock", "reset"}}));
     done({is_refusal(answer) ? 400u : 200u, "application/json", answer + '\n'});
   } catch (const std::exception& e) {
     done(refusal(400, e.what()));
@@ -283,16 +249,14 @@ void ServerState::answer(const std::string& text, const std::string& client,
   try {
     const std::optional<Target> target = parse_target(text);
     if (!target) return done(refusal(400, "the address can't be read"));
-    const std::string& path = target->path;
-    const auto look = [&](const QueryParameters& parameters,
-                          const std::function<Reply(GroundView&)>& use) {
-      with_ground(parameters.time_if("time"), parameters.time_if("against"), client, use, done);
+    const QueryParameters asked(*target);
+    const auto look = [&](const std::function<Reply(GroundView&)>& use) {
+      with_ground(asked.time_if("time"), asked.time_if("against"), client, use, done);
     };
-    if (path == "/height") {
-      const QueryParameters parameters(*target, {"x", "y", "time", "against"});
-      const Vec2 at(parameters.number("x"), parameters.number("y"));
-      if (parameters.time_if("time") || parameters.time_if("against"))
-        return look(parameters, [at](GroundView& ground) { return json_reply(ground.height(at)); });
+    if (asked.are_for("/height", {"x", "y", "time", "against"})) {
+      const Vec2 at(asked.number("x"), asked.number("y"));
+      if (asked.time_if("time") || asked.time_if("against"))
+        return look([at](GroundView& ground) { return json_reply(ground.height(at)); });
       place_heights->post();
       return query(
           places, client,
@@ -304,38 +268,28 @@ void ServerState::answer(const std::string& text, const std::string& client,
           },
           done);
     }
-    if (path == "/section") {
-      const QueryParameters parameters(*target, {"from", "to", "points", "time", "against"});
-      const Vec2 from = parameters.place("from"), to = parameters.place("to");
-      const double points = parameters.number_if("points").value_or(500);
+    if (asked.are_for("/section", {"from", "to", "points", "time", "against"})) {
+      const Vec2 from = asked.place("from"), to = asked.place("to");
+      const double points = asked.number_if("points").value_or(500);
       if (!(points >= 2 && points <= kMostPoints && points == std::floor(points)))
         throw std::invalid_argument(fmt::format("'points' must be 2 to {}", kMostPoints));
-      return look(parameters, [=](GroundView& ground) {
+      return look([=](GroundView& ground) {
         return json_reply(ground.section(from, to, static_cast<int>(points)));
       });
     }
-    if (path == "/volume") {
-      const QueryParameters parameters(*target, {"boundary", "time", "against"});
-      const std::vector<double> numbers = parameters.numbers("boundary");
-      if (numbers.size() % 2 != 0 || numbers.size() < 6 || numbers.size() > 2 * kMostCorners)
-        throw std::invalid_argument(
-            fmt::format("'boundary' must be 3 to {} corners x,y", kMostCorners));
-      std::vector<Vec2> boundary;
-      for (std::size_t i = 0; i < numbers.size(); i += 2)
-        boundary.emplace_back(numbers[i], numbers[i + 1]);
-      return look(parameters,
-                  [boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); });
+    if (asked.are_for("/volume", {"boundary", "time", "against"})) {
+      const std::vector<Vec2> boundary = asked.corners("boundary");
+      return look([boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); });
     }
-    if (path == "/terrain") {
-      const QueryParameters parameters(*target, {"level", "tile", "surface"});
-      const bool designed = parameters.word("surface", {"before", "design"}) == "design";
+    if (asked.are_for("/terrain", {"level", "tile", "surface"})) {
+      const bool designed = asked.word("surface", {"before", "design"}) == "design";
       if (designed && !design)
         throw std::invalid_argument("there is no design; soilvdb serve takes one by --design");
-      const Vec2 tile = parameters.place("tile");
+      const Vec2 tile = asked.place("tile");
       const auto whole = [](double value) {
         return value == std::floor(value) && std::abs(value) < 1e6 ? static_cast<int>(value) : -1;
       };
-      const int level = whole(parameters.number("level")), i = whole(tile.x()), j = whole(tile.y());
+      const int level = whole(asked.number("level")), i = whole(tile.x()), j = whole(tile.y());
       return query(
           queries, client,
           [this, level, i, j, designed] {
@@ -345,56 +299,42 @@ void ServerState::answer(const std::string& text, const std::string& client,
           },
           done);
     }
-    if (path == "/lines")
+    if (target->path == "/lines")
       return done(refusal(404, "there are no lines; soilvdb serve takes some by --lines"));
-    if (path == "/drape")
+    if (target->path == "/drape")
       return done(refusal(404, "there is no drape; soilvdb serve takes one by --drape"));
-    if (path == "/survey")
+    if (target->path == "/survey")
       return done(refusal(405, "a survey is sent by POST, with its file as the body"));
-    if (path == "/machines") {
-      const QueryParameters parameters(*target, {});
-      return done(json_reply(site.feeds()));
+    if (asked.are_for("/machines", {})) return done(json_reply(site.feeds()));
+    if (asked.are_for("/undo", {"machine", "time"})) {
+      const std::size_t machine = site.session().machine(asked.text("machine"));
+      return ask_undo(machine, asked.time("time"), client, done);
     }
-    if (path == "/undo") {
-      const QueryParameters parameters(*target, {"machine", "time"});
-      const std::size_t machine = site.session().machine(parameters.text("machine"));
-      return ask_undo(machine, parameters.time("time"), client, done);
-    }
-    if (path == "/alarms") {
-      const QueryParameters parameters(*target, {});
+    if (asked.are_for("/alarms", {})) {
       if (!options.takes_feeds)
         throw std::invalid_argument("nothing is fed here, so nothing alarms");
       return done(json_reply(alarms(site, design.get(), options.boundary, options.folder)));
     }
-    if (path == "/machines.csv") {
-      const QueryParameters parameters(*target, {"time"});
+    if (asked.are_for("/machines.csv", {"time"})) {
       const auto csv = [](const Json& state) {
         return Reply{200, "text/csv; charset=utf-8", machines_csv(state), "machines.csv", false};
       };
-      if (!parameters.time_if("time")) return done(csv(site.state()));
-      return look(parameters, [csv](GroundView& ground) { return csv(ground.state()); });
+      if (!asked.time_if("time")) return done(csv(site.state()));
+      return look([csv](GroundView& ground) { return csv(ground.state()); });
     }
-    if (path == "/measures") {
-      const QueryParameters parameters(*target, {});
-      return done(json_reply(measures.json()));
-    }
-    if (path == "/measures.geojson") {
-      const QueryParameters parameters(*target, {});
+    if (asked.are_for("/measures", {})) return done(json_reply(measures.json()));
+    if (asked.are_for("/measures.geojson", {}))
       return done({200, "application/geo+json",
                    io::to_text(measures.geojson(site.session().site().crs_wkt)) + '\n',
                    "measures.geojson"});
-    }
-    if (path == "/measures.csv") {
-      const QueryParameters parameters(*target, {"time", "against"});
+    if (asked.are_for("/measures.csv", {"time", "against"}))
       return measures_csv(
-          std::make_shared<MeasuresCsv>(MeasuresCsv{measures.all(), parameters.time_if("time"),
-                                                    parameters.time_if("against"), client}),
+          std::make_shared<MeasuresCsv>(
+              MeasuresCsv{measures.all(), asked.time_if("time"), asked.time_if("against"), client}),
           done);
-    }
-    if (path == "/progress") {
-      const QueryParameters parameters(*target, {"measure"});
+    if (asked.are_for("/progress", {"measure"})) {
       std::vector<Measure> areas = measures.areas();
-      if (const auto id = parameters.number_if("measure")) {
+      if (const auto id = asked.number_if("measure")) {
         const Measure& one =
             measures.find(*id >= 0 && *id == std::floor(*id) ? static_cast<std::uint64_t>(*id) : 0);
         if (one.kind != Measure::Kind::kBoundary)
@@ -406,11 +346,11 @@ void ServerState::answer(const std::string& text, const std::string& client,
           progress, client, [progress] { return json_reply(progress_json(progress->result())); },
           done);
     }
-    if (path == "/report" || path == "/report.csv") {
-      const QueryParameters parameters(*target, {"from", "to", "every", "units"});
-      const std::string token = parameters.text_if("token");
-      auto report = std::make_shared<Report>(site, ReportQuery(parameters));
-      const bool to_print = path == "/report";
+    const std::initializer_list<const char*> of_report = {"from", "to", "every", "units"};
+    if (asked.are_for("/report", of_report) || asked.are_for("/report.csv", of_report)) {
+      const std::string token = asked.text_if("token");
+      auto report = std::make_shared<Report>(site, ReportQuery(asked));
+      const bool to_print = target->path == "/report";
       const auto make = [report, token, to_print] {
         report->sum();
         if (to_print) return Reply{200, "text/html; charset=utf-8", report_page(*report, token)};
@@ -427,18 +367,16 @@ void ServerState::answer(const std::string& text, const std::string& client,
           },
           done);
     }
-    if (path == "/summary.json") {
-      const QueryParameters parameters(*target, {"time"});
+    if (asked.are_for("/summary.json", {"time"})) {
       io::Summary summary = site.summary();
-      return look(parameters, [this, summary](GroundView& ground) {
+      return look([this, summary](GroundView& ground) {
         io::Summary all = summary;
         put_totals(site.totals(ground.now()), all);
         return Reply{200, "application/json", io::to_json(all), {}, false};
       });
     }
-    if (path == "/surface.tif") {
-      const QueryParameters parameters(*target, {"time"});
-      return look(parameters, [this](GroundView& ground) {
+    if (asked.are_for("/surface.tif", {"time"})) {
+      return look([this](GroundView& ground) {
         require_dug(ground.now());
         const io::Site& of = ground.now().site();
         const auto box = io::footprint(*of.ground, false);
@@ -449,16 +387,14 @@ void ServerState::answer(const std::string& text, const std::string& client,
         });
       });
     }
-    if (path == "/soil.vdb") {
-      const QueryParameters parameters(*target, {"time"});
-      return look(parameters, [](GroundView& ground) {
+    if (asked.are_for("/soil.vdb", {"time"})) {
+      return look([](GroundView& ground) {
         return file_reply("soil.vdb", "application/octet-stream",
                           [&](const fs::path& file) { ground.now().write(file); });
       });
     }
-    if (path == "/mesh.glb") {
-      const QueryParameters parameters(*target, {"time"});
-      return look(parameters, [](GroundView& ground) {
+    if (asked.are_for("/mesh.glb", {"time"})) {
+      return look([](GroundView& ground) {
         require_dug(ground.now());
         const io::Site& of = ground.now().site();
         return file_reply("mesh.glb", "model/gltf-binary", [&](const fs::path& file) {

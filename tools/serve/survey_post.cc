@@ -77,31 +77,20 @@ SurveyPost::SurveyPost(ServerState& state, const std::string& text, std::string 
     : state_(state), from_(std::move(from)), disk_(state.io) {
   const std::optional<Target> target = parse_target(text);
   if (!target) throw std::invalid_argument("the address can't be read");
-  const QueryParameters parameters(*target, {"boundary", "heights", "surface"});
-  if (!parameters.text_if("boundary").empty()) {
-    const std::vector<double> numbers = parameters.numbers("boundary");
-    if (numbers.size() % 2 != 0 || numbers.size() < 6 || numbers.size() > 2 * kMostCorners)
-      throw std::invalid_argument(
-          fmt::format("'boundary' must be 3 to {} corners x,y", kMostCorners));
-    for (std::size_t i = 0; i < numbers.size(); i += 2)
-      options_.boundary.emplace_back(numbers[i], numbers[i + 1]);
-  }
+  const QueryParameters parameters(*target);
+  parameters.are_for(target->path, {"boundary", "heights", "surface"});
+  if (!parameters.text_if("boundary").empty()) options_.boundary = parameters.corners("boundary");
   options_.trusts_heights = parameters.word("heights", {"checked", "trusted"}) == "trusted";
   surface_ = parameters.text_if("surface");
   if (state_.surveying)
     throw std::runtime_error("another survey is being taken; send this one when that is done");
-  std::string folder = (fs::temp_directory_path() / (std::string(kFolder) + "XXXXXX")).string();
-  if (mkdtemp(folder.data()) == nullptr)
-    throw std::runtime_error("no temporary folder for the survey can be made in " +
-                             fs::temp_directory_path().string());
-  folder_ = folder;
-  lock_ = lock_folder(folder_);
+  folder_.emplace("the survey", kFolder);
+  lock_ = lock_folder(folder_->path());
   state_.surveying = true;
 }
 
 SurveyPost::~SurveyPost() {
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
+  folder_.reset();
   if (lock_ >= 0) close(lock_);
   state_.surveying = false;
 }
@@ -146,7 +135,7 @@ void SurveyPost::begin() {
 
 /// A message without the path of where the file is kept here.
 std::string SurveyPost::without_folder(std::string why) const {
-  const std::string here = folder_.string() + '/';
+  const std::string here = folder_->path().string() + '/';
   for (std::size_t at = why.find(here); at != why.npos; at = why.find(here, at))
     why.erase(at, here.size());
   return why;

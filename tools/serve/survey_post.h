@@ -8,10 +8,12 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "tools/run/survey_input.h"
 #include "tools/serve/server_state.h"
+#include "tools/serve/temp_folder.h"
 
 namespace soilvdb::tools {
 
@@ -34,7 +36,7 @@ class SurveyPost : public std::enable_shared_from_this<SurveyPost> {
   SurveyPost& operator=(const SurveyPost&) = delete;
 
   /// Where whoever receives it puts it.
-  std::filesystem::path file() const { return folder_ / "survey"; }
+  std::filesystem::path file() const { return folder_->path() / "survey"; }
   /// The file is complete. @param done called once, later
   void take(std::function<void(Reply)> done);
 
@@ -48,7 +50,7 @@ class SurveyPost : public std::enable_shared_from_this<SurveyPost> {
 
   ServerState& state_;
   const std::string from_;
-  std::filesystem::path folder_;
+  std::optional<TempFolder> folder_;
   int lock_ = -1;        ///< of the folder, for as long as this process lives
   std::string surface_;  ///< name of one of several in the file
   SurveyOptions options_;

@@ -58,12 +58,14 @@ std::optional<Target> parse_target(const std::string& text) {
   return target;
 }
 
-QueryParameters::QueryParameters(const Target& target, std::initializer_list<const char*> known)
-    : target_(target) {
-  for (const auto& [name, value] : target.values)
+bool QueryParameters::are_for(std::string_view path,
+                              std::initializer_list<const char*> known) const {
+  if (target_.path != path) return false;
+  for (const auto& [name, value] : target_.values)
     if (name != "token" && std::find(known.begin(), known.end(), name) == known.end())
       throw std::invalid_argument(
-          fmt::format("unknown '{}' for {}", io::printable(name), target.path));
+          fmt::format("unknown '{}' for {}", io::printable(name), target_.path));
+  return true;
 }
 
 const std::string& QueryParameters::text(const std::string& name) const {
@@ -133,6 +135,16 @@ Vec2 QueryParameters::place(const std::string& name) const {
   const std::vector<double> all = numbers(name);
   if (all.size() != 2) throw std::invalid_argument(fmt::format("'{}' must be x,y", name));
   return {all[0], all[1]};
+}
+
+std::vector<Vec2> QueryParameters::corners(const std::string& name) const {
+  const std::vector<double> all = numbers(name);
+  if (all.size() % 2 != 0 || all.size() < 6 || all.size() > 2 * kMostCorners)
+    throw std::invalid_argument(
+        fmt::format("'{}' must be 3 to {} corners x,y", name, kMostCorners));
+  std::vector<Vec2> corners;
+  for (std::size_t i = 0; i < all.size(); i += 2) corners.emplace_back(all[i], all[i + 1]);
+  return corners;
 }
 
 std::string in_address(std::string_view value) {

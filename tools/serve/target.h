@@ -3,6 +3,7 @@
 // The target of a request.
 #pragma once
 
+#include <cstddef>
 #include <initializer_list>
 #include <map>
 #include <optional>
@@ -13,6 +14,9 @@
 #include "soilvdb/types.h"
 
 namespace soilvdb::tools {
+
+/// Of a boundary.
+inline constexpr std::size_t kMostCorners = 1000;
 
 /// Parts of "/path?a=b&c=d", decoded.
 struct Target {
@@ -27,8 +31,9 @@ std::optional<Target> parse_target(const std::string& text);
 class QueryParameters {
  public:
   /// @param target must outlive it
-  /// @param known names of allowed values
-  QueryParameters(const Target& target, std::initializer_list<const char*> known);
+  explicit QueryParameters(const Target& target) : target_(target) {}
+  /// Are they for a path? @param known names of the values that it takes
+  bool are_for(std::string_view path, std::initializer_list<const char*> known) const;
 
   const std::string& text(const std::string& name) const;
   /// Empty if it is missing.
@@ -44,6 +49,8 @@ class QueryParameters {
   /// One of these words; default: the first.
   std::string word(const std::string& name, const std::vector<std::string>& words) const;
   Vec2 place(const std::string& name) const;
+  /// Of a boundary.
+  std::vector<Vec2> corners(const std::string& name) const;
 
  private:
   static constexpr double kFarthest_m = 1e9, kMostTime_s = 1e10;
