@@ -17,7 +17,7 @@
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
-#include "tools/serve/ground_view.h"
+#include "tools/serve/ground_query.h"
 #include "tools/serve/line_values.h"
 #include "tools/serve/target.h"
 
@@ -251,7 +251,7 @@ constexpr std::array<const char*, 17> kColumns = {
     "to_cut_m3", "to_fill_m3", "length_m", "cut_m2",  "fill_m2",     "height_m",
     "before_m",  "design_m",   "level_m",  "rise_m",  "slope_m"};
 
-OrderedJson values_of(const Measure& measure, GroundView& ground) {
+OrderedJson values_of(const Measure& measure, GroundQuery& ground) {
   const std::vector<Vec2>& at = measure.points;
   switch (measure.kind) {
     case Measure::Kind::kBoundary:
@@ -283,7 +283,7 @@ std::string measures_csv_head() {
   return fmt::format("id,kind,name,{},error\n", fmt::join(kColumns, ","));
 }
 
-std::string measures_csv_row(const Measure& measure, GroundView& ground) {
+std::string measures_csv_row(const Measure& measure, GroundQuery& ground) {
   OrderedJson values;
   std::string error;
   try {

@@ -14,7 +14,7 @@
 
 namespace soilvdb::tools {
 
-class GroundView;
+class GroundQuery;
 
 inline constexpr const char* kMeasuresName = "measures.json";
 /// Of a boundary.
@@ -61,6 +61,6 @@ class Measures {
 
 /// The header of measures.csv, and a row with a measure's values.
 std::string measures_csv_head();
-std::string measures_csv_row(const Measure& measure, GroundView& ground);
+std::string measures_csv_row(const Measure& measure, GroundQuery& ground);
 
 }  // namespace soilvdb::tools

@@ -77,7 +77,7 @@ ProgressQuery::ProgressQuery(const LiveSite& site, std::vector<Measure> areas,
   known_s_ = site.recorded() ? site.session().acknowledged().time_s : to_s_.value_or(0);
 }
 
-std::optional<Remaining> ProgressQuery::remaining(GroundView& ground, const Measure& area) const {
+std::optional<Remaining> ProgressQuery::remaining(GroundQuery& ground, const Measure& area) const {
   const BoundaryVolume inside = ground.inside(area.points);
   if (!inside.to_design || inside.to_design->area_m2 == 0) return {};
   return of_design(*inside.to_design);
@@ -95,7 +95,7 @@ bool ProgressQuery::step(History& history, ProgressSamples& samples, std::uint64
   }
   bool looked = false;
   for (const double time_s : earlier_s_) {
-    std::optional<GroundView> ground;
+    std::optional<GroundQuery> ground;
     for (const Measure& area : areas_) {
       const std::pair key(time_s, area.shape);
       if (found_.contains(key)) continue;
@@ -124,7 +124,7 @@ void ProgressQuery::take_work(const LiveSite& site) {
   to_s_ = site.time_s();
 }
 
-void ProgressQuery::finish(GroundView& live) {
+void ProgressQuery::finish(GroundQuery& live) {
   for (const Measure& area : areas_) {
     Progress progress{area.id, area.name};
     try {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "soilvdb/initial_terrain.h"
-#include "tools/serve/ground_view.h"
+#include "tools/serve/ground_query.h"
 #include "tools/serve/history.h"
 #include "tools/serve/live_site.h"
 #include "tools/serve/measures.h"
@@ -61,11 +61,11 @@ class ProgressQuery {
   /// The machines' work as of now.
   void take_work(const LiveSite& site);
   /// After the last step. @param live the ground as of take_work()
-  void finish(GroundView& live);
+  void finish(GroundQuery& live);
   const std::vector<Progress>& result() const { return result_; }
 
  private:
-  std::optional<Remaining> remaining(GroundView& ground, const Measure& area) const;
+  std::optional<Remaining> remaining(GroundQuery& ground, const Measure& area) const;
   /// Hours in which a machine worked.
   double worked_h(double from_s, double to_s) const;
   void sum(Progress& progress, double area_m2) const;

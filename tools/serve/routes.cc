@@ -114,7 +114,7 @@ Past ServerState::past(double time_s, std::uint64_t changes) {
 }
 
 void ServerState::with_ground(std::optional<double> time_s, std::optional<double> against_s,
-                              const std::string& client, std::function<Reply(GroundView&)> use,
+                              const std::string& client, std::function<Reply(GroundQuery&)> use,
                               std::function<void(Reply)> done) {
   const auto latest_s = options.takes_feeds ? site.time_s() : known_times.to_s;
   for (const auto& asked_s : {time_s, against_s})
@@ -136,8 +136,8 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
           now_heights = [this](std::span<const Vec2> xy_m, std::span<double> z) {
             heights->at(xy_m, z);
           };
-        GroundView ground(now, against_s ? past(*against_s, clocks).site : nullptr, design,
-                          now_heights);
+        GroundQuery ground(now, against_s ? past(*against_s, clocks).site : nullptr, design,
+                           now_heights);
         return use(ground);
       },
       std::move(done));
@@ -176,7 +176,7 @@ void ServerState::measures_csv(std::shared_ptr<MeasuresCsv> table,
     return done({200, "text/csv; charset=utf-8", table->csv, "measures.csv"});
   with_ground(
       table->time_s, table->against_s, table->client,
-      [table](GroundView& ground) {
+      [table](GroundQuery& ground) {
         table->csv += measures_csv_row(table->measures[table->next++], ground);
         return Reply{};
       },
@@ -199,7 +199,7 @@ void ServerState::with_progress(std::shared_ptr<ProgressQuery> progress, const s
     progress->take_work(site);
     with_ground(
         {}, {}, client,
-        [progress, make](GroundView& live) {
+        [progress, make](GroundQuery& live) {
           progress->finish(live);
           return make();
         },
@@ -250,13 +250,13 @@ void ServerState::answer(const std::string& text, const std::string& client,
     const std::optional<Target> target = parse_target(text);
     if (!target) return done(refusal(400, "the address can't be read"));
     const QueryParameters asked(*target);
-    const auto look = [&](const std::function<Reply(GroundView&)>& use) {
+    const auto look = [&](const std::function<Reply(GroundQuery&)>& use) {
       with_ground(asked.time_if("time"), asked.time_if("against"), client, use, done);
     };
     if (asked.are_for("/height", {"x", "y", "time", "against"})) {
       const Vec2 at(asked.number("x"), asked.number("y"));
       if (asked.time_if("time") || asked.time_if("against"))
-        return look([at](GroundView& ground) { return json_reply(ground.height(at)); });
+        return look([at](GroundQuery& ground) { return json_reply(ground.height(at)); });
       place_heights->post();
       return query(
           places, client,
@@ -273,13 +273,13 @@ void ServerState::answer(const std::string& text, const std::string& client,
       const double points = asked.number_if("points").value_or(500);
       if (!(points >= 2 && points <= kMostPoints && points == std::floor(points)))
         throw std::invalid_argument(fmt::format("'points' must be 2 to {}", kMostPoints));
-      return look([=](GroundView& ground) {
+      return look([=](GroundQuery& ground) {
         return json_reply(ground.section(from, to, static_cast<int>(points)));
       });
     }
     if (asked.are_for("/volume", {"boundary", "time", "against"})) {
       const std::vector<Vec2> boundary = asked.corners("boundary");
-      return look([boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); });
+      return look([boundary](GroundQuery& ground) { return json_reply(ground.volume(boundary)); });
     }
     if (asked.are_for("/terrain", {"level", "tile", "surface"})) {
       const bool designed = asked.word("surface", {"before", "design"}) == "design";
@@ -320,7 +320,7 @@ void ServerState::answer(const std::string& text, const std::string& client,
         return Reply{200, "text/csv; charset=utf-8", machines_csv(state), "machines.csv", false};
       };
       if (!asked.time_if("time")) return done(csv(site.state()));
-      return look([csv](GroundView& ground) { return csv(ground.state()); });
+      return look([csv](GroundQuery& ground) { return csv(ground.state()); });
     }
     if (asked.are_for("/measures", {})) return done(json_reply(measures.json()));
     if (asked.are_for("/measures.geojson", {}))
@@ -369,14 +369,14 @@ void ServerState::answer(const std::string& text, const std::string& client,
     }
     if (asked.are_for("/summary.json", {"time"})) {
       io::Summary summary = site.summary();
-      return look([this, summary](GroundView& ground) {
+      return look([this, summary](GroundQuery& ground) {
         io::Summary all = summary;
         put_totals(site.totals(ground.now()), all);
         return Reply{200, "application/json", io::to_json(all), {}, false};
       });
     }
     if (asked.are_for("/surface.tif", {"time"})) {
-      return look([this](GroundView& ground) {
+      return look([this](GroundQuery& ground) {
         require_dug(ground.now());
         const io::Site& of = ground.now().site();
         const auto box = io::footprint(*of.ground, false);
@@ -388,13 +388,13 @@ void ServerState::answer(const std::string& text, const std::string& client,
       });
     }
     if (asked.are_for("/soil.vdb", {"time"})) {
-      return look([](GroundView& ground) {
+      return look([](GroundQuery& ground) {
         return file_reply("soil.vdb", "application/octet-stream",
                           [&](const fs::path& file) { ground.now().write(file); });
       });
     }
     if (asked.are_for("/mesh.glb", {"time"})) {
-      return look([](GroundView& ground) {
+      return look([](GroundQuery& ground) {
         require_dug(ground.now());
         const io::Site& of = ground.now().site();
         return file_reply("mesh.glb", "model/gltf-binary", [&](const fs::path& file) {

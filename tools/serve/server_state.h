@@ -22,7 +22,7 @@
 #include "soilvdb/ground_copy.h"
 #include "soilvdb/mesher.h"
 #include "tools/serve/feed_lines.h"
-#include "tools/serve/ground_view.h"
+#include "tools/serve/ground_query.h"
 #include "tools/serve/live_forces.h"
 #include "tools/serve/live_heights.h"
 #include "tools/serve/live_mcap.h"
@@ -121,7 +121,7 @@ struct ServerState {
   /// @param time_s empty: live
   /// @param against_s empty: before digging
   void with_ground(std::optional<double> time_s, std::optional<double> against_s,
-                   const std::string& client, std::function<Reply(GroundView&)> use,
+                   const std::string& client, std::function<Reply(GroundQuery&)> use,
                    std::function<void(Reply)> done);
   /// On the thread of `other_times`. @param changes the site's number of changes of the past at the
   /// request

@@ -142,15 +142,15 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
   if (against_s && time_s && *against_s > *time_s)
     throw std::invalid_argument("compare with an earlier time");
   asking_ = true;
-  auto ground = std::make_shared<std::shared_ptr<GroundView>>();
+  auto ground = std::make_shared<std::shared_ptr<GroundQuery>>();
   auto blocks = std::make_shared<std::vector<Coord3>>();
   auto state = std::make_shared<Json>();
   const auto self = shared_from_this();
   state_.with_ground(
       time_s, against_s, client_,
-      [ground, blocks, state](GroundView& view) {
+      [ground, blocks, state](GroundQuery& view) {
         *state = view.state();
-        *ground = std::make_shared<GroundView>(view);
+        *ground = std::make_shared<GroundQuery>(view);
         *blocks = resident_blocks(*view.now().site().ground);
         return Reply();
       },

@@ -61,9 +61,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Bytes told_measures_, told_, told_forces_;
   std::set<Coord3, Before> due_;
   Coord3 last_ = Coord3::Zero();
-  std::uint32_t view_ = 0, views_ = 0;  ///< 0: live; number of other views so far
-  std::shared_ptr<GroundView> ground_;  ///< of a view other than live
-  bool past_ = false;                   ///< are its machines those of another time?
+  std::uint32_t view_ = 0, views_ = 0;   ///< 0: live; number of other views so far
+  std::shared_ptr<GroundQuery> ground_;  ///< of a view other than live
+  bool past_ = false;                    ///< are its machines those of another time?
   bool wants_force_ = false;
   std::size_t sent_ = 0;
   bool whole_ = false;  ///< was the viewer informed that all blocks were sent?

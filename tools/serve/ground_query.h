@@ -21,14 +21,14 @@ namespace soilvdb::tools {
 std::vector<Coord3> resident_blocks(const Ground& ground);
 
 /// One thread at a time. Members throw std::invalid_argument with one line for impossible queries.
-class GroundView {
+class GroundQuery {
  public:
   /// @param now its log is null for the live site
   /// @param before null: the ground before digging
   /// @param design null: no design
   /// @param live heights of the live site; empty: of `now`
-  GroundView(Past now, std::shared_ptr<Session> before,
-             std::shared_ptr<const InitialTerrain> design, Heights live = {});
+  GroundQuery(Past now, std::shared_ptr<Session> before,
+              std::shared_ptr<const InitialTerrain> design, Heights live = {});
 
   nlohmann::ordered_json height(const Vec2& at);
   /// Heights at this number of points, evenly spaced along a line, and the areas of cut and fill.

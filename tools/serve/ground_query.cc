@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/serve/ground_view.h"
+#include "tools/serve/ground_query.h"
 
 #include <fmt/format.h>
 
@@ -114,22 +114,22 @@ std::vector<Coord3> resident_blocks(const Ground& ground) {
   return origins;
 }
 
-GroundView::GroundView(Past now, std::shared_ptr<Session> before,
-                       std::shared_ptr<const InitialTerrain> design, Heights live)
+GroundQuery::GroundQuery(Past now, std::shared_ptr<Session> before,
+                         std::shared_ptr<const InitialTerrain> design, Heights live)
     : now_(std::move(now.site)),
       before_(std::move(before)),
       log_(std::move(now.log)),
       design_(std::move(design)),
       live_(std::move(live)) {}
 
-Json GroundView::state() const { return log_ ? site_state(*now_, *log_) : Json(); }
+Json GroundQuery::state() const { return log_ ? site_state(*now_, *log_) : Json(); }
 
-Heights GroundView::now_heights() {
+Heights GroundQuery::now_heights() {
   if (live_) return live_;
   return [this](std::span<const Vec2> xy_m, std::span<double> z) { now_->mesh_heights(xy_m, z); };
 }
 
-Heights GroundView::before_heights() {
+Heights GroundQuery::before_heights() {
   if (!before_) return heights_of(now_->site().ground->initial_terrain());
   return
       [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->mesh_heights(xy_m, z); };
@@ -144,11 +144,11 @@ Json height_answer(const Vec2& at, const Heights& now, const Heights& before,
   return json;
 }
 
-Json GroundView::height(const Vec2& at) {
+Json GroundQuery::height(const Vec2& at) {
   return height_answer(at, now_heights(), before_heights(), design_.get());
 }
 
-Json GroundView::section(const Vec2& from, const Vec2& to, int points) {
+Json GroundQuery::section(const Vec2& from, const Vec2& to, int points) {
   const SectionLine line(from, to, points, now_->voxel_size_m());
   Json distances = Json::array();
   for (int i = 0; i < points; ++i) distances.push_back(line.distance_m(i));
@@ -164,20 +164,20 @@ Json GroundView::section(const Vec2& from, const Vec2& to, int points) {
   return json;
 }
 
-BoundaryVolume GroundView::inside(const std::vector<Vec2>& boundary) {
+BoundaryVolume GroundQuery::inside(const std::vector<Vec2>& boundary) {
   const io::Site& site = now_->site();
   const io::Site undug = io::undug_site(site);
   const Ground& before = before_ ? *before_->site().ground : *undug.ground;
   return volume_inside(site, before, boundary, now_heights(), design_.get());
 }
 
-BoundaryVolume GroundView::inside_undug(const std::vector<Vec2>& boundary) const {
+BoundaryVolume GroundQuery::inside_undug(const std::vector<Vec2>& boundary) const {
   const io::Site undug = io::undug_site(now_->site());
   return volume_inside(undug, *undug.ground, boundary, heights_of(undug.ground->initial_terrain()),
                        design_.get());
 }
 
-Json GroundView::volume(const std::vector<Vec2>& boundary) {
+Json GroundQuery::volume(const std::vector<Vec2>& boundary) {
   const BoundaryVolume all = inside(boundary);
   Json json = {{"area_m2", all.area_m2}, {"off_site_m2", all.off_site_m2},
                {"cut_m3", all.cut_m3},   {"fill_m3", all.fill_m3},
@@ -190,7 +190,7 @@ Json GroundView::volume(const std::vector<Vec2>& boundary) {
   return json;
 }
 
-std::string GroundView::block(const Coord3& block, std::uint32_t view) {
+std::string GroundQuery::block(const Coord3& block, std::uint32_t view) {
   const Ground& ground = *now_->site().ground;
   return block_message(ground, block, mesh_block(ground, block), view, before_heights(),
                        design_ ? heights_of(*design_) : Heights(),
