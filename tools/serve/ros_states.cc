@@ -183,7 +183,7 @@ bool RosStates::is_in_chain(const io::McapTopic& topic, std::string_view frame) 
 
 bool RosStates::is_needed(const std::string& topic, std::string_view frame) const {
   return std::any_of(machines_.begin(), machines_.end(), [&](const Machine& machine) {
-    const io::McapTopic* of = machine.of.chain ? machine.of.topic.base.get() : &machine.of.topic;
+    const io::McapTopic* of = machine.poses();
     return of != nullptr && of->topic == topic && is_in_chain(*of, frame);
   });
 }
@@ -231,7 +231,7 @@ void RosStates::take_transform(const std::string& topic, bool fixed, const io::M
     frame.track.put(row.time_ns, values);
   }
   for (Machine& machine : machines_) {
-    const io::McapTopic* of = machine.of.chain ? machine.of.topic.base.get() : &machine.of.topic;
+    const io::McapTopic* of = machine.poses();
     if (of == nullptr || of->topic != topic || !is_in_chain(*of, names[0])) continue;
     if (!fault.empty()) {
       add_fault(machine, fault);
@@ -267,7 +267,7 @@ void RosStates::take_pose(const std::string& topic, const io::McapItem& item, co
     poses.track.put(row.time_ns, values);
   }
   for (Machine& machine : machines_) {
-    const io::McapTopic* of = machine.of.chain ? machine.of.topic.base.get() : &machine.of.topic;
+    const io::McapTopic* of = machine.poses();
     if (of == nullptr || of->topic != topic) continue;
     if (!fault.empty())
       add_fault(machine, fault);
@@ -364,10 +364,7 @@ RosStates::State RosStates::state_at(const Machine& machine, const Row& row,
     state.joints.push_back(at(machine.joints[i], row, now_ns,
                               fmt::format("joint '{}'", io::printable(machine.names[i])),
                               machine.goes_round[i], false)[0]);
-  if (!machine.of.chain)
-    state.pose = pose_at(machine.of.topic, row, now_ns);
-  else if (machine.of.topic.base)
-    state.pose = pose_at(*machine.of.topic.base, row, now_ns);
+  if (const io::McapTopic* of = machine.poses()) state.pose = pose_at(*of, row, now_ns);
   return state;
 }
 

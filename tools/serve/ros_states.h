@@ -97,6 +97,9 @@ class RosStates {
     std::vector<Track> joints = {};
     std::deque<Row> rows = {};  ///< that wait, by time
     std::optional<std::int64_t> done_ns = {};
+
+    /// Where poses of its bucket or base come from; null: nowhere.
+    const io::McapTopic* poses() const { return of.chain ? of.topic.base.get() : &of.topic; }
   };
 
   void listen(const std::string& topic, std::vector<io::McapType> types, bool fixed = false);
