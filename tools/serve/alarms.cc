@@ -13,6 +13,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "core/tool/polygon.h"
 #include "io/file/text.h"
 #include "soilvdb/io/error.h"
 
@@ -52,17 +53,14 @@ double below_m(const InitialTerrain& design, const Pose& lip, double width_m) {
 
 /// Distance from a boundary, m; 0 inside.
 double outside_m(const std::vector<Vec2>& boundary, const Vec2& at) {
-  bool inside = false;
+  if (inside(boundary, at)) return 0;
   double nearest_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < boundary.size(); ++i) {
     const Vec2 &a = boundary[i], b = boundary[(i + 1) % boundary.size()], way = b - a;
-    if ((a.y() > at.y()) != (b.y() > at.y()) &&
-        at.x() < a.x() + (at.y() - a.y()) / way.y() * way.x())
-      inside = !inside;
     const double share = std::clamp((at - a).dot(way) / way.squaredNorm(), 0.0, 1.0);
     nearest_m = std::min(nearest_m, (at - a - share * way).norm());
   }
-  return inside ? 0 : nearest_m;
+  return nearest_m;
 }
 
 std::string age(double seconds) {
