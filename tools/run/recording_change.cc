@@ -22,12 +22,10 @@ constexpr double kSyncCopy_s = 3600;  // it is flushed at the end
 
 /// "begin end" of a hopper's description.
 std::pair<double, double> times_of(const Json& hopper) {
-  double begin_s = 0, end_s = 0;
   const std::string text = hopper[3].get<std::string>();
   const std::size_t space = text.find(' ');
-  begin_s = io::parse_number(text.substr(0, space)).value_or(begin_s);
-  end_s = io::parse_number(text.substr(space + 1)).value_or(end_s);
-  return {begin_s, end_s};
+  return {io::parse_number(text.substr(0, space)).value_or(0),
+          io::parse_number(text.substr(space + 1)).value_or(0)};
 }
 
 /// Did both hoppers take the same soil up to a time?

@@ -29,8 +29,7 @@ std::string transform_message(double time_s, std::string_view parent, std::strin
   io::CdrWriter cdr;
   cdr.put(std::uint32_t{1});
   put_stamp(cdr, time_s);
-  cdr.put(parent);
-  cdr.put(frame);
+  cdr.put_all(parent, frame);
   put_pose(cdr, parent_from_frame);
   return cdr.bytes();
 }
@@ -63,23 +62,16 @@ std::string grid_map_message(double time_s, std::string_view frame, const Elevat
   const Vec2 middle_m = origin.head<2>() + map.corner_m() + size_m / 2;
   io::CdrWriter cdr;
   put_stamp(cdr, time_s);
-  cdr.put(frame);
-  cdr.put_all(cell_m, size_m.x(), size_m.y());
+  cdr.put_all(frame, cell_m, size_m.x(), size_m.y());
   put_pose(cdr, {.position = {middle_m.x(), middle_m.y(), 0}});
-  for (int i = 0; i < 2; ++i) {  // layers, and those that make a cell valid
-    cdr.put(std::uint32_t{1});
-    cdr.put(std::string_view("elevation"));
-  }
-  cdr.put(std::uint32_t{1});
+  for (int i = 0; i < 2; ++i)  // layers, and those that make a cell valid
+    cdr.put_all(std::uint32_t{1}, std::string_view("elevation"));
   // grid_map's order: column by column, from the highest x and y down.
   const auto columns = static_cast<std::uint32_t>(ny), rows = static_cast<std::uint32_t>(nx);
-  cdr.put(std::uint32_t{2});
-  cdr.put(std::string_view("column_index"));
-  cdr.put_all(columns, columns * rows);
-  cdr.put(std::string_view("row_index"));
-  cdr.put_all(rows, rows);
-  cdr.put(std::uint32_t{0});
-  cdr.put(columns * rows);
+  cdr.put_all(std::uint32_t{1}, std::uint32_t{2});  // layers; their dimensions
+  cdr.put_all(std::string_view("column_index"), columns, columns * rows);
+  cdr.put_all(std::string_view("row_index"), rows, rows);
+  cdr.put_all(std::uint32_t{0}, columns * rows);
   const auto heights_m = map.heights_m();
   for (std::size_t y = ny; y-- > 0;)
     for (std::size_t x = nx; x-- > 0;)

@@ -31,25 +31,22 @@ std::string id_of(const Coord3& block) {
 void put_deletion(io::CdrWriter& cdr, double time_s, const Coord3& block) {
   constexpr std::uint8_t kMatchingId = 0;
   put_stamp(cdr, time_s);
-  cdr.put(kMatchingId);
-  cdr.put(id_of(block));
+  cdr.put_all(kMatchingId, id_of(block));
 }
 
 void put_entity(io::CdrWriter& cdr, double time_s, const Coord3& block, const Mesh& mesh) {
-  constexpr std::uint32_t kNone = 0, kOne = 1;
+  constexpr std::uint32_t kNone = 0;
   put_stamp(cdr, time_s);
-  cdr.put(kFrame);
-  cdr.put(id_of(block));
+  cdr.put_all(kFrame, id_of(block));
   cdr.put_all(std::int32_t{0}, std::uint32_t{0});  // lifetime: unlimited
   cdr.put(std::uint8_t{0});                        // frame_locked: false
   for (int i = 0; i < 6; ++i) cdr.put(kNone);      // metadata, arrows, ..., lines
-  cdr.put(kOne);                                   // triangles
+  cdr.put(std::uint32_t{1});                       // triangles
   put_pose(cdr, {});
   cdr.put(static_cast<std::uint32_t>(mesh.points.size()));
   for (const auto& p : mesh.points) cdr.put_all(double{p.x()}, double{p.y()}, double{p.z()});
-  cdr.put_all(0.55, 0.42, 0.3, 1.0);  // colour
-  cdr.put(kNone);                     // colours of points
-  cdr.put(static_cast<std::uint32_t>(3 * mesh.triangles.size()));
+  cdr.put_all(0.55, 0.42, 0.3, 1.0);                                          // colour
+  cdr.put_all(kNone, static_cast<std::uint32_t>(3 * mesh.triangles.size()));  // colours of points
   for (const auto& triangle : mesh.triangles) cdr.put_all(triangle[0], triangle[1], triangle[2]);
   cdr.put_all(kNone, kNone);  // texts, models
 }
