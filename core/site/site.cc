@@ -21,11 +21,6 @@ namespace {
 
 constexpr double kUnknown_s = std::numeric_limits<double>::quiet_NaN();  // in progress()
 constexpr double kForever = std::numeric_limits<double>::infinity();
-/// In place of a number of columns that scans changed: what follows are a survey's heights.
-constexpr std::uint64_t kHeightsFollow = ~std::uint64_t{0};
-constexpr std::uint64_t kBorderFollows = kHeightsFollow - 1;  // and then heights with that
-/// In progress(), in place of the format of the state of scans: what surveys told stands before it.
-constexpr std::uint32_t kSurveyedFollow = ~std::uint32_t{0};
 
 std::string listed(const std::vector<std::string>& names) {
   std::string all;
@@ -421,6 +416,7 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
     survey.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     survey.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
     if (record != nullptr && is_news) {
+      put(*record, /*of_scans=*/true);
       put(*record, std::uint64_t{changes.size()});
       for (const SurveyChange& change : changes) {
         for (const int at : change.cell) put(*record, at);
@@ -446,8 +442,7 @@ StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
     volumes.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     volumes.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
     if (record != nullptr) {
-      put(*record, heights.border == 0 ? kHeightsFollow : kBorderFollows);
-      if (heights.border != 0) put(*record, heights.border);
+      put(*record, /*of_scans=*/false);
       heights.save(*record);
     }
     return StepResult();
@@ -461,26 +456,21 @@ std::int64_t Site::take_survey(const SurveyHeights& heights) {
   return changed;
 }
 
-bool Site::is_of_scans(std::string_view record) {
-  std::uint64_t count = 0;
-  return !try_take(record, count) || count < kBorderFollows;
-}
+bool Site::is_of_scans(std::string_view record) { return record.empty() || record.front() != 0; }
 
 void Site::repeat_survey(std::string_view record) {
   if (record.empty()) return;  // of scans without a ray that counts
-  std::uint64_t count = 0;
-  take(record, count);
-  if (count >= kBorderFollows) {
-    int border = 0;
-    if (count == kBorderFollows) take(record, border);
-    auto heights = SurveyHeights::load(record);
+  bool of_scans = false;
+  take(record, of_scans);
+  if (!of_scans) {
+    const auto heights = SurveyHeights::load(record);
     if (!record.empty())
       throw std::invalid_argument("the record of a survey has more than it says");
-    heights.border = border;
-    heights.validate();
     take_survey(heights);
     return;
   }
+  std::uint64_t count = 0;
+  take(record, count);
   std::vector<SurveyChange> changes;
   for (std::uint64_t i = 0; i < count; ++i) {
     SurveyChange& change = changes.emplace_back();
@@ -608,10 +598,7 @@ std::string Site::progress() const {
     for (const Vec3& v :
          {input ? input->direction : Vec3::Zero(), input ? input->moved_from : Vec3::Zero()})
       for (const double value : v) put(out, value);
-  if (!surveyed_->empty()) {
-    put(out, kSurveyedFollow);
-    surveyed_->save(out);
-  }
+  surveyed_->save(out);
   if (survey_) survey_->save(out);
   return out;
 }
@@ -650,22 +637,17 @@ void Site::set_progress(std::string_view bytes) {
     if (!std::isnan(time_s)) now.time_s = time_s;
     inputs.push_back(placed ? std::optional(std::move(now)) : std::nullopt);
   }
-  for (std::size_t i = 0; i < inputs.size() && !bytes.empty(); ++i) {  // earlier versions had none
+  for (std::optional<Input>& input : inputs) {
     Vec3 direction, from;
     for (Vec3* v : {&direction, &from})
       for (double& value : *v) take(bytes, value);
     if (!direction.allFinite() || !from.allFinite())
       throw std::invalid_argument("the state has an invalid machine");
-    if (!inputs[i]) continue;
-    inputs[i]->direction = direction;
-    inputs[i]->moved_from = from;
+    if (!input) continue;
+    input->direction = direction;
+    input->moved_from = from;
   }
-  SurveyedHeights surveyed;
-  std::uint32_t next = 0;
-  if (std::string_view rest = bytes; try_take(rest, next) && next == kSurveyedFollow) {
-    surveyed = SurveyedHeights::load(rest);
-    bytes = rest;
-  }
+  auto surveyed = SurveyedHeights::load(bytes);
   std::unique_ptr<GroundSurvey> survey;
   if (!bytes.empty()) {
     std::swap(survey, survey_);

@@ -313,9 +313,8 @@ std::string Tracker::state() const {
     poured_unrest_->save(bytes);
     for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   }
-  if (surveyed_.removed != 0 || surveyed_.added != 0)
-    for (const std::int64_t amount : {surveyed_.removed, surveyed_.added, surveyed_.mass})
-      put(bytes, amount);
+  for (const std::int64_t amount : {surveyed_.removed, surveyed_.added, surveyed_.mass})
+    put(bytes, amount);
   return bytes;
 }
 
@@ -342,11 +341,9 @@ void Tracker::restore(std::string_view state, std::size_t count) {
     }
   }
   Surveyed surveyed;
-  if (state.size() == 3 * sizeof(std::int64_t)) {  // without scans there is none
-    take_amount(state, surveyed.removed);
-    take_amount(state, surveyed.added);
-    take(state, surveyed.mass);
-  }
+  take_amount(state, surveyed.removed);
+  take_amount(state, surveyed.added);
+  take(state, surveyed.mass);
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   for (std::size_t m = 0; m < count; ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);

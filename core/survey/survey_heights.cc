@@ -56,6 +56,7 @@ void take_differences(std::string_view& in, std::span<std::int32_t> heights) {
 void SurveyHeights::save(std::string& out) const {
   for (const Coord2& pair : {first, size})
     for (const int value : pair) put(out, value);
+  put(out, border);
   put_differences(out, heights);
 }
 
@@ -63,6 +64,7 @@ SurveyHeights SurveyHeights::load(std::string_view& in) {
   SurveyHeights loaded;
   for (Coord2* pair : {&loaded.first, &loaded.size})
     for (int& value : *pair) take(in, value);
+  take(in, loaded.border);
   const std::int64_t count = std::int64_t{loaded.size.x()} * loaded.size.y();
   if (loaded.size.minCoeff() < 0 || count > static_cast<std::int64_t>(in.size() / sizeof(int)))
     throw std::invalid_argument("the record of a survey ends too early");

@@ -233,8 +233,8 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
     EXPECT_NE(refusal(other), "taken") << at;
   }
   std::string newer = state;
-  newer[13] = 4;
-  EXPECT_EQ(refusal(newer), "the state has version 4; this program has 3");
+  newer[13] = 5;
+  EXPECT_EQ(refusal(newer), "the state has version 5; this program has 4");
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
   EXPECT_EQ(refusal(Session(higher).save()), "the state is of another site: plane differs");

@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kConfigFormat = 3;  // format 2 stored the scenario's bytes
+constexpr int kConfigFormat = 4;  // format 3 told scans and surveys apart by counts
 
 /// The change of a scenario, in words. After a stop at a bad row, a run may be continued with
 /// bad_rows: skip.

@@ -24,7 +24,7 @@ namespace soilvdb::inline v0 {
 namespace {
 
 constexpr std::string_view kMagic = "soilvdb state";
-constexpr std::uint32_t kVersion = 3;
+constexpr std::uint32_t kVersion = 4;
 constexpr double kSamePost = 1e-6;  // of a cell: a GeoTIFF's rounding
 
 /// Has a file these heights, and can it be read?

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using tools::kJournalName;
 
-constexpr int kRecordFormat = 1;
+constexpr int kRecordFormat = 2;  // format 1 told scans and surveys apart by counts
 
 bool ends_no_batch(const io::JournalUpdate&) { return false; }
 

@@ -53,7 +53,6 @@ class SurveyedHeights {
   void add(const SurveyHeights& survey);
   /// Did a survey give a column this height? @param top index space
   bool are_of(const Coord2& column, double top) const;
-  bool empty() const { return squares_.empty(); }
   /// Adds them as bytes, and takes them from there. @throw std::invalid_argument for other bytes
   void save(std::string& out) const;
   static SurveyedHeights load(std::string_view& in);
