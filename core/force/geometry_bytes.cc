@@ -27,9 +27,6 @@ void take_geometry_number(std::string_view& in, double& value) {
 void take_geometry_vector(std::string_view& in, Vec3& vector) {
   for (double& v : vector) take_geometry_number(in, v);
 }
-void put_geometry_vector(std::string& out, const Vec3& vector) {
-  for (const double v : vector) put(out, v);
-}
 
 /// A number of items, each of so many bytes or more.
 std::size_t take_geometry_count(std::string_view& in, std::size_t item_bytes) {
@@ -57,23 +54,13 @@ std::string CutGeometry::save() const {
   std::string out;
   put(out, kGeometryFormat);
   each_number(*this, [&](const double& v) { put(out, v); });
-  put(out, static_cast<std::uint8_t>(cuts_));
-  put(out, static_cast<std::uint8_t>(rolled_));
-  put(out, std::uint64_t{heights_.size()});
+  put(out, cuts_, rolled_, std::uint64_t{heights_.size()});
   for (const double z : heights_) put(out, z);
   put(out, std::uint64_t{strips_.size()});
-  for (const Strip& strip : strips_) {
-    put_geometry_vector(out, strip.lip);
-    put(out, strip.first_x);
-    put(out, std::uint64_t{strip.first});
-    put(out, std::uint64_t{strip.count});
-  }
+  for (const Strip& strip : strips_)
+    put(out, strip.lip, strip.first_x, std::uint64_t{strip.first}, std::uint64_t{strip.count});
   put(out, std::uint64_t{heels_.size()});
-  for (const Heel& heel : heels_) {
-    put_geometry_vector(out, heel.at);
-    put_geometry_vector(out, heel.out);
-    for (const double v : {heel.area, heel.depth, heel.length}) put(out, v);
-  }
+  for (const Heel& heel : heels_) put(out, heel.at, heel.out, heel.area, heel.depth, heel.length);
   return out;
 }
 
@@ -84,8 +71,7 @@ CutGeometry CutGeometry::load(std::string_view bytes) {
   each_number(made, [&](double& v) { take_geometry_number(bytes, v); });
   require_geometry(std::abs(made.rake_rad_) <= std::numbers::pi && made.width_m_ > 0 &&
                    made.step_m_ > 0 && made.face_m_ < kMostFaceSteps * made.step_m_);
-  take(bytes, made.cuts_);
-  take(bytes, made.rolled_);
+  take(bytes, made.cuts_, made.rolled_);
   made.heights_.resize(take_geometry_count(bytes, sizeof(double)));
   for (double& z : made.heights_) take(bytes, z);  // NaN beyond a strip's end
   made.strips_.resize(take_geometry_count(bytes, 6 * sizeof(double)));
@@ -93,8 +79,7 @@ CutGeometry CutGeometry::load(std::string_view bytes) {
     take_geometry_vector(bytes, strip.lip);
     take_geometry_number(bytes, strip.first_x);
     std::uint64_t first = 0, count = 0;
-    take(bytes, first);
-    take(bytes, count);
+    take(bytes, first, count);
     require_geometry(first <= made.heights_.size() && count <= made.heights_.size() - first);
     strip.first = static_cast<std::size_t>(first);
     strip.count = static_cast<std::size_t>(count);

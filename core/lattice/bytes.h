@@ -23,6 +23,16 @@ inline void put(std::string& out, const Pose& pose) {
   for (const double v : pose.position) put(out, v);
   for (const double v : pose.rotation.coeffs()) put(out, v);
 }
+template <typename T, int N>
+void put(std::string& out, const Eigen::Matrix<T, N, 1>& vector) {
+  for (const T value : vector) put(out, value);
+}
+/// Several values, one after another.
+template <typename A, typename B, typename... More>
+void put(std::string& out, const A& first, const B& second, const More&... more) {
+  put(out, first);
+  put(out, second, more...);
+}
 
 inline void put_text(std::string& out, std::string_view text) {
   put(out, std::uint64_t{text.size()});
@@ -61,6 +71,15 @@ inline void take_amount(std::string_view& in, std::int64_t& value,
 inline void take(std::string_view& in, Pose& pose) {
   for (double& v : pose.position) take(in, v);
   for (double& v : pose.rotation.coeffs()) take(in, v);
+}
+template <typename T, int N>
+void take(std::string_view& in, Eigen::Matrix<T, N, 1>& vector) {
+  for (T& value : vector) take(in, value);
+}
+template <typename A, typename B, typename... More>
+void take(std::string_view& in, A& first, B& second, More&... more) {
+  take(in, first);
+  take(in, second, more...);
 }
 inline std::string_view take_text(std::string_view& in) {
   std::uint64_t size = 0;

@@ -19,37 +19,17 @@ void require_valid(bool good) {
 }  // namespace
 
 void Machine::save(std::string& out) const {
-  put(out, bucket_.width_m);
-  put(out, bucket_.height_m);
-  put(out, std::uint64_t{bucket_.profile.size()});
-  put(out, ledger_.captured);
-  put(out, ledger_.displaced);
-  put(out, ledger_.dumped);
-  put(out, placed_);
-  put(out, current_);
+  put(out, bucket_.width_m, bucket_.height_m, std::uint64_t{bucket_.profile.size()});
+  put(out, ledger_.captured, ledger_.displaced, ledger_.dumped, placed_, current_);
   if (settler_ == nullptr) return;
-  put(out, ledger_.load);
-  put(out, ledger_.spilled);
-  put(out, travel_m_);
-  put(out, stands_.at);
-  put(out, stands_.since_s);
-  put(out, stands_.ticks);
-  put(out, station_);
-  put(out, pushed_);
-  put(out, falling_);
-  put(out, heaped_);
-  put(out, tipped_s_);
-  put(out, cut_before_);
-  put(out, stations_);
+  put(out, ledger_.load, ledger_.spilled, travel_m_);
+  put(out, stands_.at, stands_.since_s, stands_.ticks);
+  put(out, station_, pushed_, falling_, heaped_, tipped_s_, cut_before_, stations_);
   unrest_.save(out);
-  for (const std::optional<Pose>* pose : {&wall_, &tipped_}) {
-    put(out, pose->has_value());
-    put(out, pose->value_or(Pose{}));
-  }
-  for (const Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
-    for (const double v : box->min()) put(out, v);
-    for (const double v : box->max()) put(out, v);
-  }
+  for (const std::optional<Pose>* pose : {&wall_, &tipped_})
+    put(out, pose->has_value(), pose->value_or(Pose{}));
+  for (const Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_})
+    put(out, box->min(), box->max());
 }
 
 void Machine::load(std::string_view& in, const Ground& ground) {
@@ -59,24 +39,19 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   };
   double width = 0, height = 0;
   std::uint64_t count = 0;
-  take(in, width);
-  take(in, height);
-  take(in, count);
+  take(in, width, height, count);
   if (width != bucket_.width_m || height != bucket_.height_m || count != bucket_.profile.size())
     throw std::invalid_argument("the state is of another bucket");
   take_amount(in, ledger_.captured);
   take_amount(in, ledger_.displaced);
   take_amount(in, ledger_.dumped);
-  take(in, placed_);
-  take(in, current_);
+  take(in, placed_, current_);
   require_valid(is_valid(current_) && (!placed_ || near(current_.position)));
   ledger_.load = ledger_.captured - ledger_.dumped;  // where soil does not move
   if (settler_ == nullptr) return require_valid(ledger_.load >= 0);
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
-  take(in, travel_m_);
-  take(in, stands_.at);
-  take(in, stands_.since_s);
+  take(in, travel_m_, stands_.at, stands_.since_s);
   take_amount(in, stands_.ticks);
   take(in, station_);
   take_amount(in, pushed_);
@@ -93,8 +68,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   for (std::optional<Pose>* pose : {&wall_, &tipped_}) {
     bool there = false;
     Pose value;
-    take(in, there);
-    take(in, value);
+    take(in, there, value);
     require_valid(is_valid(value) && (!there || near(value.position)));
     *pose = there ? std::optional(value) : std::nullopt;
   }
@@ -102,8 +76,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   require_valid(!std::isinf(tipped_s_) && (capacity_ || (falling_ == 0 && heaped_ == 0)) &&
                 (!tipped_ || falling_ > 0));
   for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
-    for (double& v : box->min()) take(in, v);
-    for (double& v : box->max()) take(in, v);
+    take(in, box->min(), box->max());
     const bool none = box->min() == Eigen::AlignedBox3d().min() && box->max() == -box->min();
     require_valid(none || (near(box->min()) && near(box->max()) && !box->isEmpty()));
   }

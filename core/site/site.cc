@@ -416,14 +416,9 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
     survey.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     survey.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
     if (record != nullptr && is_news) {
-      put(*record, /*of_scans=*/true);
-      put(*record, std::uint64_t{changes.size()});
-      for (const SurveyChange& change : changes) {
-        for (const int at : change.cell) put(*record, at);
-        put(*record, change.top);
-        put(*record, change.samples);
-        for (const double slope : change.slope) put(*record, slope);
-      }
+      put(*record, /*of_scans=*/true, std::uint64_t{changes.size()});
+      for (const SurveyChange& change : changes)
+        put(*record, change.cell, change.top, change.samples, change.slope);
       survey_->save_changes(*record);
     }
     return StepResult();
@@ -474,10 +469,7 @@ void Site::repeat_survey(std::string_view record) {
   std::vector<SurveyChange> changes;
   for (std::uint64_t i = 0; i < count; ++i) {
     SurveyChange& change = changes.emplace_back();
-    for (int& at : change.cell) take(record, at);
-    take(record, change.top);
-    take(record, change.samples);
-    for (double& slope : change.slope) take(record, slope);
+    take(record, change.cell, change.top, change.samples, change.slope);
     if (!(change.cell.cast<double>().cwiseAbs().maxCoeff() < kMaxIndex &&
           std::abs(change.top) < kMaxIndex &&
           std::abs(change.top + static_cast<double>(change.samples) / 64) < kMaxIndex &&
@@ -594,10 +586,9 @@ std::string Site::progress() const {
     if (!input) continue;
     for (const double value : input->configuration) put(out, value);
   }
+  const Input none;
   for (const std::optional<Input>& input : inputs_)
-    for (const Vec3& v :
-         {input ? input->direction : Vec3::Zero(), input ? input->moved_from : Vec3::Zero()})
-      for (const double value : v) put(out, value);
+    put(out, (input ? *input : none).direction, (input ? *input : none).moved_from);
   surveyed_->save(out);
   if (survey_) survey_->save(out);
   return out;
@@ -607,8 +598,7 @@ void Site::set_progress(std::string_view bytes) {
   const std::string_view tracker = take_text(bytes);
   bool at_rest = false;
   std::uint64_t count = 0;
-  take(bytes, at_rest);
-  take(bytes, count);
+  take(bytes, at_rest, count);
   if (count > model_->machines.size())
     throw std::invalid_argument("the state is of " + std::to_string(count) +
                                 " machines; this site has " +
@@ -619,9 +609,7 @@ void Site::set_progress(std::string_view bytes) {
     Input now;
     double time_s = kUnknown_s;
     std::uint64_t numbers = 0;
-    take(bytes, time_s);
-    take(bytes, now.pose);
-    take(bytes, numbers);
+    take(bytes, time_s, now.pose, numbers);
     if (numbers != 0 && (!machine.chain || !machine.chain->takes(numbers)))
       throw std::invalid_argument("the state is of a machine with other joints");
     std::vector<double>& values = now.configuration;
@@ -639,8 +627,7 @@ void Site::set_progress(std::string_view bytes) {
   }
   for (std::optional<Input>& input : inputs) {
     Vec3 direction, from;
-    for (Vec3* v : {&direction, &from})
-      for (double& value : *v) take(bytes, value);
+    take(bytes, direction, from);
     if (!direction.allFinite() || !from.allFinite())
       throw std::invalid_argument("the state has an invalid machine");
     if (!input) continue;

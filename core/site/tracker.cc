@@ -313,8 +313,7 @@ std::string Tracker::state() const {
     poured_unrest_->save(bytes);
     for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   }
-  for (const std::int64_t amount : {surveyed_.removed, surveyed_.added, surveyed_.mass})
-    put(bytes, amount);
+  put(bytes, surveyed_.removed, surveyed_.added, surveyed_.mass);
   return bytes;
 }
 

@@ -54,17 +54,13 @@ void take_differences(std::string_view& in, std::span<std::int32_t> heights) {
 }  // namespace
 
 void SurveyHeights::save(std::string& out) const {
-  for (const Coord2& pair : {first, size})
-    for (const int value : pair) put(out, value);
-  put(out, border);
+  put(out, first, size, border);
   put_differences(out, heights);
 }
 
 SurveyHeights SurveyHeights::load(std::string_view& in) {
   SurveyHeights loaded;
-  for (Coord2* pair : {&loaded.first, &loaded.size})
-    for (int& value : *pair) take(in, value);
-  take(in, loaded.border);
+  take(in, loaded.first, loaded.size, loaded.border);
   const std::int64_t count = std::int64_t{loaded.size.x()} * loaded.size.y();
   if (loaded.size.minCoeff() < 0 || count > static_cast<std::int64_t>(in.size() / sizeof(int)))
     throw std::invalid_argument("the record of a survey ends too early");
@@ -111,8 +107,7 @@ bool SurveyedHeights::are_of(const Coord2& column, double top) const {
 void SurveyedHeights::save(std::string& out) const {
   put(out, std::uint64_t{squares_.size()});
   for (const auto& [cell, square] : squares_) {
-    put(out, cell.first);
-    put(out, cell.second);
+    put(out, cell.first, cell.second);
     put_differences(out, *square);
   }
 }
@@ -123,8 +118,7 @@ SurveyedHeights SurveyedHeights::load(std::string_view& in) {
   take(in, count);
   for (; count > 0; --count) {
     std::pair<int, int> cell;
-    take(in, cell.first);
-    take(in, cell.second);
+    take(in, cell.first, cell.second);
     const auto square = std::make_shared<Square>();
     take_differences(in, *square);
     loaded.squares_[cell] = square;

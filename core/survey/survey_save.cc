@@ -37,9 +37,7 @@ double take_finite(std::string_view& in) {
 }
 
 void put_sums(std::string& out, const ScanSums& sums) {
-  put(out, sums.rays);
-  put(out, sums.weight);
-  put(out, sums.residual);
+  put(out, sums.rays, sums.weight, sums.residual);
   for (const std::int64_t value : sums.sees) put(out, value);
 }
 void take_sums(std::string_view& in, ScanSums& sums) {
@@ -60,16 +58,13 @@ void take_cells(std::string_view& in, ScanCells& cells) {
 }
 
 void put_column(std::string& out, const SurveyColumn& column) {
-  for (const double value : {column.first, column.top, column.variance, column.prior})
-    put(out, value);
+  put(out, column.first, column.top, column.variance, column.prior);
   put_number(out, column.origin);
-  put(out, column.changed);
-  for (const std::int64_t value : {column.rays, column.height, column.blind}) put(out, value);
+  put(out, column.changed, column.rays, column.height, column.blind);
   put_cells(out, column.cells);
 }
 void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origins) {
-  take(in, column.first);
-  take(in, column.top);  // NaN without ground
+  take(in, column.first, column.top);  // NaN without ground
   column.variance = take_finite(in);
   column.prior = take_finite(in);
   if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_survey();
@@ -83,8 +78,7 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
 
 /// @param numbers of sensors as they are saved
 void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>& numbers) {
-  for (const std::int64_t value : {votes.through, votes.ceiling, votes.told, votes.others})
-    put(out, value);
+  put(out, votes.through, votes.ceiling, votes.told, votes.others);
   put_number(out, votes.hits.size());
   for (const auto& [bin, hits] : votes.hits) {
     put(out, bin);
@@ -95,7 +89,7 @@ void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>&
     for (const auto& [sensor, of] : sorted) {
       const ScanHits& of_sensor = *of;
       put_number(out, static_cast<std::uint64_t>(sensor));
-      for (const std::int64_t value : {of_sensor.rays, of_sensor.height}) put(out, value);
+      put(out, of_sensor.rays, of_sensor.height);
       put_cells(out, of_sensor.cells);
       put_sums(out, of_sensor.sums);
     }
@@ -125,15 +119,11 @@ using Tiles = SurveyState::Tiles;
 
 void put_cells_of(std::string& out, const Tiles& tiles) {
   put_number(out, tiles.size());
-  for (const auto& [x, y] : tiles) {
-    put(out, x);
-    put(out, y);
-  }
+  for (const auto& [x, y] : tiles) put(out, x, y);
 }
 Coord2 take_cell(std::string_view& in) {
   Coord2 cell;
-  take(in, cell.x());
-  take(in, cell.y());
+  take(in, cell);
   if (floor_to(cell, kChunkSide) != cell || cell.cwiseAbs().maxCoeff() > kMaxIndex) refuse_survey();
   return cell;
 }
@@ -148,20 +138,17 @@ void take_cells_of(std::string_view& in, const SurveyState& s, Tiles& tiles) {
 
 void put_block(std::string& out, const Block& block) {
   put_number(out, block.origin);
-  put(out, block.x);
-  put(out, block.y);
+  put(out, block.x, block.y);
 }
 Block take_block(std::string_view& in, std::uint64_t origins) {
   Block block{take_number<std::uint16_t>(in, origins), 0, 0};
-  take(in, block.x);
-  take(in, block.y);
+  take(in, block.x, block.y);
   return block;
 }
 
 /// @param numbers of sensors as they are saved
 void put_tile(std::string& out, const SurveyTile& tile, const std::vector<int>& numbers) {
-  put(out, tile.cell.x());
-  put(out, tile.cell.y());
+  put(out, tile.cell);
   for (const SurveyColumn& column : tile.columns) put_column(out, column);
   put_number(out, tile.sums.size());
   std::map<int, const std::array<ScanSums, BaseColumn::kCells>*> sums;
@@ -200,7 +187,7 @@ void take_tile(std::string_view& in, SurveyState& s, const std::vector<int>& num
 
 void put_block_state(std::string& out, const SurveyState::BlockState& state) {
   const SurveyState::Retired& sums = state.retired;
-  for (const double value : {sums.weight, sums.residual, sums.variance}) put(out, value);
+  put(out, sums.weight, sums.residual, sums.variance);
   for (const double value : sums.sees) put(out, value);
   put(out, state.solved.size() > 0);
   for (const double value : state.solved) put(out, value);
@@ -208,17 +195,13 @@ void put_block_state(std::string& out, const SurveyState::BlockState& state) {
 
 void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& tiles,
                 const std::set<Block>& blocks) {
-  put(out, kSurveyFormat);
-  put(out, all);
+  put(out, kSurveyFormat, all);
   put_number(out, s.sensors.size());
   for (const int number : s.by_name) {  // so that the order of their first scans does not show
     const Sensor& sensor = s.sensors[static_cast<std::size_t>(number)];
     put_text(out, sensor.name);
-    put(out, sensor.pose);
-    for (const double value :
-         {sensor.range_sigma_m, sensor.range_squared_sigma_per_m, sensor.mount_height_sigma_m,
-          sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma})
-      put(out, value);
+    put(out, sensor.pose, sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
+        sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma);
   }
   put_number(out, s.buckets.size());
   // Whose places are by the sensors' names.
@@ -227,10 +210,7 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
     put(out, errors.mean()[i]);
     for (Eigen::Index j = 0; j <= i; ++j) put(out, errors.covariance()(i, j));
   }
-  for (const std::int64_t value :
-       {s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped})
-    put(out, value);
-  put(out, s.time);
+  put(out, s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped, s.time);
   if (all) {
     const std::map<std::uint64_t, SurveyState::Work> work(s.work.begin(), s.work.end());
     put_number(out, work.size());
@@ -249,18 +229,13 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   std::sort(through.begin(), through.end());
   put_number(out, through.size());
   for (const ThroughRay& ray : through) {
-    put(out, ray.time);
-    for (const double value : {ray.from.x(), ray.from.y(), ray.from.z(), ray.to.x(), ray.to.y(),
-                               ray.to.z(), ray.met_m, ray.sigma_m})
-      put(out, value);
+    put(out, ray.time, ray.from, ray.to, ray.met_m, ray.sigma_m);
   }
-  put(out, s.is_solved);
-  put(out, s.sigma_m3);
+  put(out, s.is_solved, s.sigma_m3);
   put_number(out, tiles.size());
   for (const auto& [x, y] : tiles) put_tile(out, s.tiles.at(plan_key({x, y})), s.ranks);
   put_cells_of(out, s.news);
-  put(out, s.has_corrected);
-  put(out, s.is_first);
+  put(out, s.has_corrected, s.is_first);
   if (!all) return;
   put_cells_of(out, s.untold);
   put_number(out, s.untold_blocks.size());
@@ -311,11 +286,8 @@ void GroundSurvey::load(std::string_view& in) {
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     Sensor sensor;
     sensor.name = take_text(in);
-    take(in, sensor.pose);
-    for (double* value :
-         {&sensor.range_sigma_m, &sensor.range_squared_sigma_per_m, &sensor.mount_height_sigma_m,
-          &sensor.mount_tilt_sigma_rad, &sensor.mount_scale_sigma})
-      take(in, *value);
+    take(in, sensor.pose, sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
+         sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma);
     sensor.validate();
     numbers.push_back(s.sensor_of(sensor));
   }
@@ -382,8 +354,7 @@ void GroundSurvey::load(std::string_view& in) {
     take_tile(in, s, numbers, origins);
   s.news.clear();
   take_cells_of(in, s, s.news);
-  take(in, s.has_corrected);
-  take(in, s.is_first);
+  take(in, s.has_corrected, s.is_first);
   s.untold.clear();
   s.untold_blocks.clear();
   if (!all) {

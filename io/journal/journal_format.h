@@ -32,10 +32,7 @@ struct FrameHead {
   /// @param place of the frame in the file
   std::string bytes(std::uint64_t place) const {
     std::string head;
-    put(head, kFrameMark);
-    put(head, length);
-    put(head, synced);
-    put(head, crc);
+    put(head, kFrameMark, length, synced, crc);
     put(head, checksum(head, place));
     return head;
   }
