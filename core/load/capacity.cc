@@ -20,6 +20,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/tool/polygon.h"
+
 namespace soilvdb::inline v0 {
 namespace {
 
@@ -29,7 +31,6 @@ constexpr double kNoEntry = std::numeric_limits<double>::infinity();
 
 // Written out, so that no vector unit adds in another order.
 double dot(const Vec2& a, const Vec2& b) { return a.x() * b.x() + a.y() * b.y(); }
-double cross_product(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 double dot(const Vec3& a, const Vec3& b) { return a.x() * b.x() + a.y() * b.y() + a.z() * b.z(); }
 
 /// An angle of repose.
@@ -157,7 +158,7 @@ class Fan {
     double sum = 0;
     for (std::size_t i = 0; i + 1 < profile.size(); ++i) {
       const Vec2 a = profile[i] - Vec2(0, up_m), step = profile[i + 1] - profile[i];
-      const double twice_m2 = cross_product(a, step);
+      const double twice_m2 = cross2(a, step);
       if (twice_m2 == 0) continue;
       sum += twice_m2 * kinks(a, step).integral([&](double s) { return share_of(a + s * step); });
     }
@@ -240,7 +241,7 @@ Capacity::Capacity(const Bucket& bucket) : width_m_(bucket.width_m), height_m_(b
     from_upper_edge_.emplace_back(p->x(), height_m_ - p->y());
   for (std::size_t i = 0; i + 1 < from_lip_.size(); ++i) {
     const Vec2 &a = from_lip_[i], &b = from_lip_[i + 1];
-    const double triangle_m2 = cross_product(a, b) / 2;
+    const double triangle_m2 = cross2(a, b) / 2;
     area_m2_ += triangle_m2;
     middle_ += triangle_m2 / 3 * Vec3(-a.x() - b.x(), 0, a.y() + b.y());
   }

@@ -9,6 +9,7 @@
 
 #include "core/constants.h"
 #include "core/lattice/text.h"
+#include "core/tool/polygon.h"
 #include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
@@ -24,16 +25,14 @@ void check_side(const std::string& name, double side_m) {
          text(kMaxBucketSideM) + " m");
 }
 
-double turn(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 bool on_segment(const Vec2& p, const Vec2& a, const Vec2& b) {
   return (p - a).dot(p - b) <= 0;  // p is known to be on the line
 }
 
 /// Do the closed segments ab and cd share a point?
 bool meet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
-  const double abc = turn(b - a, c - a), abd = turn(b - a, d - a);
-  const double cda = turn(d - c, a - c), cdb = turn(d - c, b - c);
+  const double abc = cross2(b - a, c - a), abd = cross2(b - a, d - a);
+  const double cda = cross2(d - c, a - c), cdb = cross2(d - c, b - c);
   if (((abc > 0 && abd < 0) || (abc < 0 && abd > 0)) &&
       ((cda > 0 && cdb < 0) || (cda < 0 && cdb > 0))) {
     return true;
@@ -79,7 +78,7 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
     if ((b - a).norm() <= kSamePointM) {
       refuse("profile has the point " + plane_point_text(a) + " twice in a row; leave one out");
     }
-    if (turn(b - a, c - b) == 0 && (b - a).dot(c - b) < 0) {
+    if (cross2(b - a, c - b) == 0 && (b - a).dot(c - b) < 0) {
       refuse("profile turns back on itself at " + plane_point_text(b) +
              "; it must enclose an area with the mouth");
     }
