@@ -537,6 +537,21 @@ def test_motions_are_played_where_they_are_between_rows_and_went_before(tmp_path
         assert 2 * np.arcsin(half) == pytest.approx(1.8 * (time_s - begin) / 3600, abs=1e-7)
 
 
+def test_folders_that_are_not_kept_are_removed(tmp_path):
+    """That of a file lasts as long as its request, that of a played site as long as the site."""
+    temp = tmp_path / "temp"
+    temp.mkdir()
+    data = Path(__file__).parents[2] / "data"
+    with Server(data / "half_sine.yaml", "--speed", "20", cwd=tmp_path, env={"TMPDIR": str(temp)}) as server:
+        while server.json("/summary.json")["volume_m3"]["cut"] == 0:
+            pass
+        assert server.get("/mesh.glb")[1][:4] == b"glTF"
+        recording, = temp.iterdir()
+        assert (recording / "journal").exists()
+        server.stop()
+    assert not list(temp.iterdir())
+
+
 def test_a_design_is_told_on_the_posts_of_the_terrain(tmp_path):
     posts = 41
     row = " ".join(f"{-0.5 + 0.01 * i:.2f}" for i in range(posts))

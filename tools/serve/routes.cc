@@ -226,8 +226,10 @@ void ServerState::post(const std::string& text, std::string body, const std::str
       return feed_post(std::make_shared<FeedLines>(std::move(body)),
                        std::make_shared<FeedSource>(FeedSource{from}), std::move(done));
     if (waits_for_undo([this, text, body, from, done] { post(text, body, from, done); })) return;
-    if (asked.are_for("/undo", {"machine", "time"}))
-      return undo(site.session().machine(asked.text("machine")), asked.time("time"), done);
+    if (asked.are_for("/undo", {"machine", "time"})) {
+      const std::size_t machine = site.session().machine(asked.text("machine"));
+      return undo(machine, asked.time("time"), done);
+    }
     for (const char* list : {"machines", "hoppers"})
       if (asked.are_for(std::string("/") + list, {}))
         return done(json_reply(change_list(list, body)));

@@ -78,7 +78,7 @@ SurveyPost::SurveyPost(ServerState& state, const std::string& text, std::string 
   const std::optional<Target> target = parse_target(text);
   if (!target) throw std::invalid_argument("the address can't be read");
   const QueryParameters parameters(*target);
-  parameters.are_for(target->path, {"boundary", "heights", "surface"});
+  parameters.are_for(target->path, {"boundary", "heights", "surface"});  // throws for others
   if (!parameters.text_if("boundary").empty()) options_.boundary = parameters.corners("boundary");
   options_.trusts_heights = parameters.word("heights", {"checked", "trusted"}) == "trusted";
   surface_ = parameters.text_if("surface");
