@@ -28,3 +28,19 @@ class SharedLibrary {
 };
 
 }  // namespace soilvdb::inline v0::io
+
+/// Members of a struct after its SharedLibrary `library`: up to 256 functions of it, each by its
+/// own name.
+#define SOILVDB_FUNCTIONS(...) SOILVDB_RESCAN(SOILVDB_FUNCTION(__VA_ARGS__)) static_assert(true)
+
+// A macro isn't expanded within itself, so each scan of the text takes one more of the names.
+#define SOILVDB_FUNCTION(name, ...)                                          \
+  const decltype(&::name) name = library.function<decltype(&::name)>(#name); \
+  __VA_OPT__(SOILVDB_NEXT_FUNCTION SOILVDB_NO_NAMES(__VA_ARGS__))
+#define SOILVDB_NEXT_FUNCTION() SOILVDB_FUNCTION
+#define SOILVDB_NO_NAMES ()
+#define SOILVDB_RESCAN(...) SOILVDB_MANY(SOILVDB_MANY(SOILVDB_MANY(SOILVDB_MANY(__VA_ARGS__))))
+#define SOILVDB_MANY(...) SOILVDB_SOME(SOILVDB_SOME(SOILVDB_SOME(SOILVDB_SOME(__VA_ARGS__))))
+#define SOILVDB_SOME(...) SOILVDB_FEW(SOILVDB_FEW(SOILVDB_FEW(SOILVDB_FEW(__VA_ARGS__))))
+#define SOILVDB_FEW(...) SOILVDB_ONE(SOILVDB_ONE(SOILVDB_ONE(SOILVDB_ONE(__VA_ARGS__))))
+#define SOILVDB_ONE(...) __VA_ARGS__

@@ -34,34 +34,20 @@ constexpr std::array<const char*, 8> kPictures = {"GTiff",       "JPEG", "PNG", 
 
 /// More functions of GDAL, which only drapes need.
 struct DrapeFunctions {
-  decltype(&::GDALWarpAppOptionsNew) warp_options;
-  decltype(&::GDALWarpAppOptionsFree) free_options;
-  decltype(&::GDALWarp) warp;
-  decltype(&::GDALCreateCopy) create_copy;
-  decltype(&::GDALGetRasterColorTable) color_table;
-  decltype(&::GDALGetColorEntryAsRGB) color_entry;
-  decltype(&::GDALGetGCPCount) gcp_count;
+  const SharedLibrary& library = gdal().library;
+  SOILVDB_FUNCTIONS(GDALCreateCopy, GDALGetColorEntryAsRGB, GDALGetGCPCount,
+                    GDALGetRasterColorTable, GDALWarp, GDALWarpAppOptionsFree,
+                    GDALWarpAppOptionsNew);
+
+  DrapeFunctions() {
+    for (const char* format : kPictures)
+      library.function<void (*)()>(std::string("GDALRegister_") + format)();
+    library.function<void (*)()>("GDALRegister_MEM")();
+  }
 };
 
-DrapeFunctions load_drape_functions() {
-  gdal();  // loads the formats of heights
-  const SharedLibrary library(SOILVDB_GDAL_LIBRARY, "GDAL", "rasters");
-  for (const char* format : kPictures)
-    library.function<void (*)()>(std::string("GDALRegister_") + format)();
-  library.function<void (*)()>("GDALRegister_MEM")();
-  DrapeFunctions f{};
-  f.warp_options = library.function<decltype(f.warp_options)>("GDALWarpAppOptionsNew");
-  f.free_options = library.function<decltype(f.free_options)>("GDALWarpAppOptionsFree");
-  f.warp = library.function<decltype(f.warp)>("GDALWarp");
-  f.create_copy = library.function<decltype(f.create_copy)>("GDALCreateCopy");
-  f.color_table = library.function<decltype(f.color_table)>("GDALGetRasterColorTable");
-  f.color_entry = library.function<decltype(f.color_entry)>("GDALGetColorEntryAsRGB");
-  f.gcp_count = library.function<decltype(f.gcp_count)>("GDALGetGCPCount");
-  return f;
-}
-
 const DrapeFunctions& drape_gdal() {
-  static const DrapeFunctions functions = load_drape_functions();
+  static const DrapeFunctions functions;
   return functions;
 }
 
@@ -105,8 +91,8 @@ DrapeColours colours_of(const std::filesystem::path& file, const GdalDataset& da
                                  gdal().GDALGetDataTypeName(type)));
   }
   if (count < 3)
-    colours.palette =
-        drape_gdal().color_table(gdal().GDALGetRasterBand(dataset.get(), colours.bands[0]));
+    colours.palette = drape_gdal().GDALGetRasterColorTable(
+        gdal().GDALGetRasterBand(dataset.get(), colours.bands[0]));
   return colours;
 }
 
@@ -151,7 +137,7 @@ DrapeExtent extent_of(const std::filesystem::path& file, const GdalDataset& data
   if (gdal().GDALGetGeoTransform(dataset.get(), t.data()) != CE_None)
     throw InputError(
         file,
-        drape_gdal().gcp_count(dataset.get()) > 0
+        drape_gdal().GDALGetGCPCount(dataset.get()) > 0
             ? "is placed by control points only; make an orthophoto of it with gdalwarp"
             : "has no georeference; set the coordinates of its upper left and lower right corner "
               "with: " +
@@ -213,7 +199,7 @@ GdalDataset warped(const std::filesystem::path& file, const GdalDataset& dataset
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
-  GDALWarpAppOptions* options = drape_gdal().warp_options(arguments.data(), nullptr);
+  GDALWarpAppOptions* options = drape_gdal().GDALWarpAppOptionsNew(arguments.data(), nullptr);
   std::array<GDALDatasetH, 1> sources = {dataset.get()};
   int error = 0;
   messages.clear();
@@ -221,9 +207,9 @@ GdalDataset warped(const std::filesystem::path& file, const GdalDataset& dataset
   gdal().CPLSetThreadLocalConfigOption(kCutOff, "YES");
   GdalDataset made(options == nullptr
                        ? nullptr
-                       : drape_gdal().warp("", nullptr, 1, sources.data(), options, &error));
+                       : drape_gdal().GDALWarp("", nullptr, 1, sources.data(), options, &error));
   gdal().CPLSetThreadLocalConfigOption(kCutOff, nullptr);
-  drape_gdal().free_options(options);
+  drape_gdal().GDALWarpAppOptionsFree(options);
   if (!made || error != 0 || !messages.error().empty())
     throw InputError(file, fmt::format("can't be brought into the site's CRS or is damaged ({})",
                                        messages.error_or("GDAL gives no reason")));
@@ -252,9 +238,9 @@ std::string encoded(std::array<Channel, 4> channels, int columns, int rows,
   const MemoryFile memory(".webp");
   const char* const options[] = {kQuality, nullptr};
   if (good)
-    good = GdalDataset(drape_gdal().create_copy(gdal().GDALGetDriverByName("WEBP"), memory.path(),
-                                                picture.get(), 0, options, nullptr, nullptr)) !=
-           nullptr;
+    good = GdalDataset(drape_gdal().GDALCreateCopy(gdal().GDALGetDriverByName("WEBP"),
+                                                   memory.path(), picture.get(), 0, options,
+                                                   nullptr, nullptr)) != nullptr;
   if (!good || memory.bytes().empty())
     throw std::runtime_error("GDAL can't write WebP (" + messages.error_or("no reason is given") +
                              ")");
@@ -270,7 +256,7 @@ std::string picture_of(const GdalDataset& warped_raster, const DrapeColours& col
   if (colours.palette != nullptr) {
     for (std::size_t i = 0; i < channels[0].size(); ++i) {
       GDALColorEntry entry{};
-      drape_gdal().color_entry(colours.palette, channels[0][i], &entry);
+      drape_gdal().GDALGetColorEntryAsRGB(colours.palette, channels[0][i], &entry);
       const std::array<short, 3> rgb = {entry.c1, entry.c2, entry.c3};
       for (std::size_t c = 0; c < 3; ++c) channels[c][i] = static_cast<unsigned char>(rgb[c]);
       channels[3][i] = static_cast<unsigned char>(channels[3][i] * entry.c4 / 255);

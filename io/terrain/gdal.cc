@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "io/file/shared_library.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -19,23 +18,17 @@ constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIGrid", "GRASSASCIIGri
 /// Formats of design surfaces and lines.
 constexpr const char* kVectorDrivers[] = {"DXF", "GeoPackage", "GeoJSON", "Shape"};
 
-GdalFunctions load() {
-  const SharedLibrary library(SOILVDB_GDAL_LIBRARY, "GDAL", "rasters");
-  GdalFunctions gdal;
-#define SOILVDB_GDAL_FUNCTION(name) gdal.name = library.function<decltype(gdal.name)>(#name);
-  SOILVDB_GDAL_FUNCTIONS(SOILVDB_GDAL_FUNCTION)
-#undef SOILVDB_GDAL_FUNCTION
+}  // namespace
+
+GdalFunctions::GdalFunctions() : library(SOILVDB_GDAL_LIBRARY, "GDAL", "rasters") {
   for (const char* driver : kDrivers)
     library.function<void (*)()>(std::string("GDALRegister_") + driver)();
   for (const char* driver : kVectorDrivers)
     library.function<void (*)()>(std::string("RegisterOGR") + driver)();
-  return gdal;
 }
 
-}  // namespace
-
 const GdalFunctions& gdal() {
-  static const GdalFunctions functions = load();
+  static const GdalFunctions functions;
   return functions;
 }
 

@@ -16,45 +16,41 @@
 #include <string>
 #include <string_view>
 
+#include "io/file/shared_library.h"
+
 namespace soilvdb::inline v0::io {
 
-// clang-format off
-#define SOILVDB_GDAL_FUNCTIONS(F)                                                                  \
-  F(CPLErrorReset) F(CPLGetErrorHandlerUserData) F(CPLPopErrorHandler) F(CPLPushErrorHandlerEx)    \
-  F(CPLSetThreadLocalConfigOption)                                                                 \
-  F(GDALClose) F(GDALCreate) F(GDALDataTypeIsComplex) F(GDALGetBlockSize)                          \
-  F(GDALGetDataTypeName) F(GDALGetDataTypeSizeBytes) F(GDALGetDatasetDriver)                       \
-  F(GDALGetDriverByName) F(GDALGetDriverShortName) F(GDALGetGeoTransform) F(GDALGetMaskBand)       \
-  F(GDALGetMaskFlags) F(GDALGetMetadataItem) F(GDALGetProjectionRef) F(GDALGetRasterBand)          \
-  F(GDALGetRasterColorInterpretation) F(GDALGetRasterCount) F(GDALGetRasterDataType)               \
-  F(GDALGetRasterNoDataValue) F(GDALGetRasterOffset) F(GDALGetRasterScale)                         \
-  F(GDALGetRasterUnitType) F(GDALGetRasterXSize) F(GDALGetRasterYSize) F(GDALGetSpatialRef)        \
-  F(GDALIdentifyDriverEx) F(GDALOpenEx) F(GDALRasterIO) F(GDALSetDescription)                      \
-  F(GDALSetGeoTransform) F(GDALSetRasterNoDataValue) F(GDALSetRasterUnitType)                      \
-  F(GDALSetSpatialRef) F(OCTDestroyCoordinateTransformation) F(OCTNewCoordinateTransformation)     \
-  F(OCTTransform) F(OSRClone) F(OSRDemoteTo2D) F(OSRDestroySpatialReference)                       \
-  F(OSRExportToWktEx) F(OSRGetAuthorityCode) F(OSRGetAuthorityName) F(OSRGetAxesCount)             \
-  F(OSRGetLinearUnits) F(OSRGetName) F(OSRGetTargetLinearUnits) F(OSRImportFromEPSG)               \
-  F(OSRIsCompound) F(OSRIsDerivedGeographic) F(OSRIsGeocentric) F(OSRIsGeographic)                 \
-  F(OSRIsProjected) F(OSRSetCompoundCS) F(OSRSetFromUserInput)                                     \
-  F(OSRSetLinearUnitsAndUpdateParameters) F(OSRSetProjCS)                                          \
-  F(GDALDatasetGetLayer) F(GDALDatasetGetLayerCount) F(OGR_F_Destroy) F(OGR_F_GetFieldAsString)    \
-  F(OGR_F_GetFieldIndex) F(OGR_F_GetGeometryRef) F(OGR_G_GetGeometryCount)                         \
-  F(OGR_G_DestroyGeometry) F(OGR_G_GetGeometryRef) F(OGR_G_GetGeometryType)                        \
-  F(OGR_G_GetLinearGeometry) F(OGR_G_GetPoint) F(OGR_G_GetPointCount)                              \
-  F(OGR_L_GetNextFeature) F(OGR_L_GetSpatialRef) F(OGR_G_Is3D) F(OGR_GT_Flatten)                   \
-  F(OSRIsSameEx) F(OSRNewSpatialReference) F(OSRSetAxisMappingStrategy) F(OSRStripVertical)        \
-  F(VSIFCloseL) F(VSIFileFromMemBuffer) F(VSIFree) F(VSIGetMemFileBuffer) F(VSIUnlink)
-// clang-format on
-
-/// The functions of GDAL in use, each by its own name.
+/// The functions of GDAL in use.
 struct GdalFunctions {
-#define SOILVDB_GDAL_FUNCTION(name) decltype(&::name) name;
-  SOILVDB_GDAL_FUNCTIONS(SOILVDB_GDAL_FUNCTION)
-#undef SOILVDB_GDAL_FUNCTION
+  /// Sets GDAL up for height files.
+  GdalFunctions();
+
+  const SharedLibrary library;
+  SOILVDB_FUNCTIONS(
+      CPLErrorReset, CPLGetErrorHandlerUserData, CPLPopErrorHandler, CPLPushErrorHandlerEx,
+      CPLSetThreadLocalConfigOption, GDALClose, GDALCreate, GDALDataTypeIsComplex, GDALGetBlockSize,
+      GDALGetDataTypeName, GDALGetDataTypeSizeBytes, GDALGetDatasetDriver, GDALGetDriverByName,
+      GDALGetDriverShortName, GDALGetGeoTransform, GDALGetMaskBand, GDALGetMaskFlags,
+      GDALGetMetadataItem, GDALGetProjectionRef, GDALGetRasterBand,
+      GDALGetRasterColorInterpretation, GDALGetRasterCount, GDALGetRasterDataType,
+      GDALGetRasterNoDataValue, GDALGetRasterOffset, GDALGetRasterScale, GDALGetRasterUnitType,
+      GDALGetRasterXSize, GDALGetRasterYSize, GDALGetSpatialRef, GDALIdentifyDriverEx, GDALOpenEx,
+      GDALRasterIO, GDALSetDescription, GDALSetGeoTransform, GDALSetRasterNoDataValue,
+      GDALSetRasterUnitType, GDALSetSpatialRef, OCTDestroyCoordinateTransformation,
+      OCTNewCoordinateTransformation, OCTTransform, OSRClone, OSRDemoteTo2D,
+      OSRDestroySpatialReference, OSRExportToWktEx, OSRGetAuthorityCode, OSRGetAuthorityName,
+      OSRGetAxesCount, OSRGetLinearUnits, OSRGetName, OSRGetTargetLinearUnits, OSRImportFromEPSG,
+      OSRIsCompound, OSRIsDerivedGeographic, OSRIsGeocentric, OSRIsGeographic, OSRIsProjected,
+      OSRSetCompoundCS, OSRSetFromUserInput, OSRSetLinearUnitsAndUpdateParameters, OSRSetProjCS,
+      GDALDatasetGetLayer, GDALDatasetGetLayerCount, OGR_F_Destroy, OGR_F_GetFieldAsString,
+      OGR_F_GetFieldIndex, OGR_F_GetGeometryRef, OGR_G_GetGeometryCount, OGR_G_DestroyGeometry,
+      OGR_G_GetGeometryRef, OGR_G_GetGeometryType, OGR_G_GetLinearGeometry, OGR_G_GetPoint,
+      OGR_G_GetPointCount, OGR_L_GetNextFeature, OGR_L_GetSpatialRef, OGR_G_Is3D, OGR_GT_Flatten,
+      OSRIsSameEx, OSRNewSpatialReference, OSRSetAxisMappingStrategy, OSRStripVertical, VSIFCloseL,
+      VSIFileFromMemBuffer, VSIFree, VSIGetMemFileBuffer, VSIUnlink);
 };
 
-/// Loads GDAL at the first call, and sets it up for height files.
+/// Loads GDAL at the first call.
 /// @throw std::runtime_error if it can't be loaded
 const GdalFunctions& gdal();
 

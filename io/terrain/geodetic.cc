@@ -33,39 +33,25 @@ using OwnProj = std::unique_ptr<T, DestroyProj>;
 
 namespace {
 
-// clang-format off
-#define SOILVDB_PROJ_FUNCTIONS(F)                                                                  \
-  F(proj_context_create) F(proj_context_destroy) F(proj_context_errno_string)                      \
-  F(proj_context_set_enable_network) F(proj_coordoperation_get_accuracy)                           \
-  F(proj_coordoperation_get_grid_used) F(proj_coordoperation_get_grid_used_count)                  \
-  F(proj_coordoperation_has_ballpark_transformation) F(proj_create)                                \
-  F(proj_create_crs_to_crs_from_pj) F(proj_create_operation_factory_context)                       \
-  F(proj_create_operations) F(proj_crs_get_coordinate_system) F(proj_crs_get_sub_crs)              \
-  F(proj_crs_promote_to_3D) F(proj_cs_get_axis_count) F(proj_cs_get_axis_info) F(proj_destroy)     \
-  F(proj_errno) F(proj_errno_reset) F(proj_get_source_crs) F(proj_get_type) F(proj_list_destroy)   \
-  F(proj_list_get) F(proj_list_get_count) F(proj_log_func) F(proj_normalize_for_visualization)     \
-  F(proj_operation_factory_context_destroy)                                                        \
-  F(proj_operation_factory_context_set_area_of_interest)                                           \
-  F(proj_operation_factory_context_set_grid_availability_use)                                      \
-  F(proj_operation_factory_context_set_spatial_criterion) F(proj_trans)
-// clang-format on
-
 struct ProjFunctions {
-#define SOILVDB_PROJ_FUNCTION(name) decltype(&::name) name;
-  SOILVDB_PROJ_FUNCTIONS(SOILVDB_PROJ_FUNCTION)
-#undef SOILVDB_PROJ_FUNCTION
+  const SharedLibrary library{SOILVDB_PROJ_LIBRARY, "PROJ", "positions by latitude and longitude"};
+  SOILVDB_FUNCTIONS(proj_context_create, proj_context_destroy, proj_context_errno_string,
+                    proj_context_set_enable_network, proj_coordoperation_get_accuracy,
+                    proj_coordoperation_get_grid_used, proj_coordoperation_get_grid_used_count,
+                    proj_coordoperation_has_ballpark_transformation, proj_create,
+                    proj_create_crs_to_crs_from_pj, proj_create_operation_factory_context,
+                    proj_create_operations, proj_crs_get_coordinate_system, proj_crs_get_sub_crs,
+                    proj_crs_promote_to_3D, proj_cs_get_axis_count, proj_cs_get_axis_info,
+                    proj_destroy, proj_errno, proj_errno_reset, proj_get_source_crs, proj_get_type,
+                    proj_list_destroy, proj_list_get, proj_list_get_count, proj_log_func,
+                    proj_normalize_for_visualization, proj_operation_factory_context_destroy,
+                    proj_operation_factory_context_set_area_of_interest,
+                    proj_operation_factory_context_set_grid_availability_use,
+                    proj_operation_factory_context_set_spatial_criterion, proj_trans);
 };
 
 const ProjFunctions& proj() {
-  static const ProjFunctions functions = [] {
-    const SharedLibrary library(SOILVDB_PROJ_LIBRARY, "PROJ",
-                                "positions by latitude and longitude");
-    ProjFunctions all;
-#define SOILVDB_PROJ_FUNCTION(name) all.name = library.function<decltype(all.name)>(#name);
-    SOILVDB_PROJ_FUNCTIONS(SOILVDB_PROJ_FUNCTION)
-#undef SOILVDB_PROJ_FUNCTION
-    return all;
-  }();
+  static const ProjFunctions functions;
   return functions;
 }
 

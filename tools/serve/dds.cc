@@ -56,41 +56,19 @@ namespace {
 
 /// Functions of Cyclone DDS.
 struct DdsLibrary {
-  const io::SharedLibrary file{SOILVDB_DDS_LIBRARY, "Cyclone DDS", "ROS 2's messages"};
-#define SOILVDB_OF_DDS(name) const decltype(&::name) name = file.function<decltype(&::name)>(#name)
-  SOILVDB_OF_DDS(dds_create_domain);
-  SOILVDB_OF_DDS(dds_create_listener);
-  SOILVDB_OF_DDS(dds_create_participant);
-  SOILVDB_OF_DDS(dds_create_qos);
-  SOILVDB_OF_DDS(dds_create_reader);
-  SOILVDB_OF_DDS(dds_create_topic_sertype);
-  SOILVDB_OF_DDS(dds_create_writer);
-  SOILVDB_OF_DDS(dds_delete);
-  SOILVDB_OF_DDS(dds_delete_listener);
-  SOILVDB_OF_DDS(dds_delete_qos);
-  SOILVDB_OF_DDS(dds_get_publication_matched_status);
-  SOILVDB_OF_DDS(dds_get_subscription_matched_status);
-  SOILVDB_OF_DDS(dds_lset_data_available);
-  SOILVDB_OF_DDS(dds_qget_durability);
-  SOILVDB_OF_DDS(dds_qget_reliability);
-  SOILVDB_OF_DDS(dds_qset_durability);
-  SOILVDB_OF_DDS(dds_qset_history);
-  SOILVDB_OF_DDS(dds_qset_reliability);
-  SOILVDB_OF_DDS(dds_qset_userdata);
-  SOILVDB_OF_DDS(dds_return_loan);
-  SOILVDB_OF_DDS(dds_strretcode);
-  SOILVDB_OF_DDS(dds_take);
-  SOILVDB_OF_DDS(dds_takecdr);
-  SOILVDB_OF_DDS(dds_writecdr);
-  SOILVDB_OF_DDS(ddsi_serdata_init);
-  SOILVDB_OF_DDS(ddsi_sertype_fini);
-  SOILVDB_OF_DDS(ddsi_sertype_init);
-  SOILVDB_OF_DDS(ddsi_sertype_v0);
-#undef SOILVDB_OF_DDS
+  const io::SharedLibrary library{SOILVDB_DDS_LIBRARY, "Cyclone DDS", "ROS 2's messages"};
+  SOILVDB_FUNCTIONS(dds_create_domain, dds_create_listener, dds_create_participant, dds_create_qos,
+                    dds_create_reader, dds_create_topic_sertype, dds_create_writer, dds_delete,
+                    dds_delete_listener, dds_delete_qos, dds_get_publication_matched_status,
+                    dds_get_subscription_matched_status, dds_lset_data_available,
+                    dds_qget_durability, dds_qget_reliability, dds_qset_durability,
+                    dds_qset_history, dds_qset_reliability, dds_qset_userdata, dds_return_loan,
+                    dds_strretcode, dds_take, dds_takecdr, dds_writecdr, ddsi_serdata_init,
+                    ddsi_sertype_fini, ddsi_sertype_init, ddsi_sertype_v0);
 
   static const DdsLibrary& get() {
-    static const DdsLibrary library;
-    return library;
+    static const DdsLibrary functions;
+    return functions;
   }
   /// @return an entity that was made @throw std::runtime_error
   dds_entity_t made(dds_return_t result, const std::string& what) const {
