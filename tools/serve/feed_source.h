@@ -22,6 +22,7 @@ struct FeedSource {
   };
   std::string name = {};
   Link link = Link::kLive;
+  double silent_s = 0;  ///< since it was last heard, of the time in which it was listened to
 };
 
 }  // namespace soilvdb::tools

@@ -45,17 +45,17 @@ void Feeder::set_link(FeedSource::Link link) {
 }
 
 void Feeder::heard() {
-  silent_s_ = asked_s_ = 0;
+  source_->silent_s = asked_s_ = 0;
   set_link(FeedSource::Link::kLive);
 }
 
 void Feeder::listen(std::chrono::duration<double> passed) {
   if (state_.undoing || works_) return;  // it may not be read
-  silent_s_ += passed.count();
-  if (silent_s_ >= kLost_s) set_link(FeedSource::Link::kLost);
-  if (silent_s_ >= kGone_s) beast::get_lowest_layer(socket_).close();
-  if (silent_s_ - asked_s_ < kAsk_s || pinging_ || closing_) return;
-  asked_s_ = silent_s_;
+  source_->silent_s += passed.count();
+  if (source_->silent_s >= kLost_s) set_link(FeedSource::Link::kLost);
+  if (source_->silent_s >= kGone_s) beast::get_lowest_layer(socket_).close();
+  if (source_->silent_s - asked_s_ < kAsk_s || pinging_ || closing_) return;
+  asked_s_ = source_->silent_s;
   pinging_ = true;
   socket_.async_ping({},
                      [self = shared_from_this()](beast::error_code) { self->pinging_ = false; });
@@ -88,7 +88,7 @@ void Feeder::work() {
 
 void Feeder::answer(std::string text) {
   works_ = false;
-  silent_s_ = asked_s_ = 0;  // it was not listened to
+  source_->silent_s = asked_s_ = 0;  // it was not listened to
   out_ = std::move(text);
   socket_.async_write(net::buffer(out_),
                       [self = shared_from_this()](beast::error_code error, std::size_t) {

@@ -63,9 +63,8 @@ class Feeder : public std::enable_shared_from_this<Feeder> {
   boost::beast::flat_buffer in_;
   FeedLines lines_;
   std::string out_;
-  bool works_ = false;   ///< on a message, and does not listen
-  double silent_s_ = 0;  ///< time in which nothing was heard
-  double asked_s_ = 0;   ///< `silent_s_` at the last ping
+  bool works_ = false;  ///< on a message, and does not listen
+  double asked_s_ = 0;  ///< `source_->silent_s` at the last ping
   bool pinging_ = false, closing_ = false;
 };
 

@@ -3,323 +3,209 @@
 // The one file with headers of libmosquitto.
 #include "tools/serve/mqtt_bridge.h"
 
-#ifndef SOILVDB_MQTT_LIBRARY
-
 #include "soilvdb/io/error.h"
 
-namespace soilvdb::tools {
+#ifndef SOILVDB_MQTT_LIBRARY
 
-struct MqttBridge::Feeds {};
-
-MqttBridge::MqttBridge(ServerState&, const MqttOptions&) {
+std::unique_ptr<soilvdb::tools::MqttBridge> soilvdb::tools::feed_by_mqtt(ServerState&,
+                                                                         const MqttOptions&) {
   throw io::InputError(
       "--mqtt: this build has no MQTT: install libmosquitto-dev, and then build soilvdb again");
 }
-MqttBridge::~MqttBridge() = default;
-void MqttBridge::work(std::chrono::duration<double>) {}
-
-}  // namespace soilvdb::tools
 
 #else
 
 #include <fmt/format.h>
 #include <mosquitto.h>
+#include <mqtt_protocol.h>
 
-#include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
-#include <cerrno>
 #include <condition_variable>
-#include <cstdio>
-#include <cstring>
 #include <deque>
-#include <functional>
 #include <map>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <string_view>
 #include <thread>
 #include <utility>
 
-#include "io/file/json.h"
 #include "io/file/shared_library.h"
 #include "io/file/text.h"
-#include "soilvdb/io/error.h"
 #include "tools/run/text.h"
-#include "tools/serve/live_site.h"
 #include "tools/serve/server_state.h"
 
 namespace soilvdb::tools {
 namespace {
 
-struct MosquittoLibrary {
-  const io::SharedLibrary file{SOILVDB_MQTT_LIBRARY, "libmosquitto", "messages of MQTT"};
-#define SOILVDB_OF_MQTT(name) const decltype(&::name) name = file.function<decltype(&::name)>(#name)
-  SOILVDB_OF_MQTT(mosquitto_connack_string);
-  SOILVDB_OF_MQTT(mosquitto_connect);
-  SOILVDB_OF_MQTT(mosquitto_connect_callback_set);
-  SOILVDB_OF_MQTT(mosquitto_destroy);
-  SOILVDB_OF_MQTT(mosquitto_disconnect);
-  SOILVDB_OF_MQTT(mosquitto_int_option);
-  SOILVDB_OF_MQTT(mosquitto_lib_init);
-  SOILVDB_OF_MQTT(mosquitto_log_callback_set);
-  SOILVDB_OF_MQTT(mosquitto_loop);
-  SOILVDB_OF_MQTT(mosquitto_message_callback_set);
-  SOILVDB_OF_MQTT(mosquitto_new);
-  SOILVDB_OF_MQTT(mosquitto_publish);
-  SOILVDB_OF_MQTT(mosquitto_publish_callback_set);
-  SOILVDB_OF_MQTT(mosquitto_strerror);
-  SOILVDB_OF_MQTT(mosquitto_subscribe);
-  SOILVDB_OF_MQTT(mosquitto_subscribe_callback_set);
-  SOILVDB_OF_MQTT(mosquitto_threaded_set);
-  SOILVDB_OF_MQTT(mosquitto_username_pw_set);
-  SOILVDB_OF_MQTT(mosquitto_want_write);
-  SOILVDB_OF_MQTT(mosquitto_will_set);
-#undef SOILVDB_OF_MQTT
-
-  MosquittoLibrary() { mosquitto_lib_init(); }
-  static const MosquittoLibrary& get() {
-    static const MosquittoLibrary library;
-    return library;
-  }
-};
-
 constexpr int kAtMostOnce = 0, kAtLeastOnce = 1;  // quality of service
 constexpr int kKeepAlive_s = 10, kLoop_ms = 100;
 constexpr std::size_t kMostWaiting_bytes = 4 << 20;
-// Of a message, and of what is said about a line: its answer is below 128 kB, quotes or not.
-constexpr int kMostLines = 200;
-constexpr std::size_t kLongestReason = 400;
-/// Answers that the broker has not acknowledged; more messages wait meanwhile.
-constexpr int kMostUnacknowledged = 256, kMostSent = 65535;  // the latter is the protocol's
-constexpr std::size_t kMostFeeds = 1000;  // whoever may publish could make up names without end
-constexpr std::chrono::seconds kTryAgain{2}, kFirstTry{5}, kGoodbye{1};
+constexpr std::size_t kMostAnswer_bytes = 128 << 10;  // which every broker takes
+constexpr std::chrono::seconds kTryAgain{2}, kGoodbye{1};
 constexpr std::string_view kLinkLost = R"({"link":"lost"})", kLinkEnded = R"({"link":"ended"})";
 
-/// In a sentence that goes on.
-std::string without_stop(std::string text) {
-  if (text.ends_with('.')) text.pop_back();
-  return text;
-}
+struct MosquittoLibrary {
+  const io::SharedLibrary library{SOILVDB_MQTT_LIBRARY, "libmosquitto", "messages of MQTT"};
+  SOILVDB_FUNCTIONS(mosquitto_connack_string, mosquitto_connect, mosquitto_connect_callback_set,
+                    mosquitto_destroy, mosquitto_disconnect, mosquitto_int_option,
+                    mosquitto_lib_init, mosquitto_log_callback_set, mosquitto_loop,
+                    mosquitto_message_callback_set, mosquitto_new, mosquitto_publish,
+                    mosquitto_publish_callback_set, mosquitto_strerror, mosquitto_subscribe,
+                    mosquitto_subscribe_callback_set, mosquitto_threaded_set,
+                    mosquitto_username_pw_set, mosquitto_want_write, mosquitto_will_set);
 
-/// The answer to a line; a long list in a refusal is cut.
-std::string shortened(std::string answer) {
-  if (answer.size() <= kLongestReason || !is_refusal(answer)) return answer;
-  std::string why = nlohmann::json::parse(answer).at("error");
-  if (why.size() <= kLongestReason) return answer;
-  std::size_t end = kLongestReason;  // not within a UTF-8 character
-  while (end > 0 && (static_cast<unsigned char>(why[end]) & 0xC0) == 0x80) --end;
-  why.resize(end);
-  return io::to_text(nlohmann::ordered_json{{"error", why + "..."}});
-}
+  MosquittoLibrary() { mosquitto_lib_init(); }
+};
 
 struct MqttMessage {
-  std::string name;        ///< last level of its topic
-  std::string text = {};   ///< unchecked
-  std::string fault = {};  ///< not empty: why it can't be taken, and then there is no text
+  std::string name;       ///< last level of its topic
+  FeedLines lines;        ///< unchecked
+  FeedSource::Link link;  ///< not live: a last will or a goodbye, which isn't fed
+  std::size_t bytes;
 };
 
 /// Shared with its thread, which may still wait for the network at the end.
 struct MqttLink {
-  const MosquittoLibrary& library = MosquittoLibrary::get();
+  const MosquittoLibrary functions;
   const MqttOptions options;
-  std::atomic<int> unacknowledged = 0;  ///< messages that were published
+  std::atomic<bool> connected = false, ending = false;
+  bool gone = false;  ///< of its thread alone, as the next
+  std::string refused = {}, told = {};
   std::mutex mutex;
   std::condition_variable changed;
-  // Guarded by `mutex`.
+  // Guarded by `mutex`, with which nothing of the library may be called: it has locks of its own.
   std::function<void()> wake;
-  bool starting = true, connected = false, ending = false, ended = false;
-  std::string refused = {}, hint = {}, detail = {}, told = {};
+  bool ended = false;
   std::deque<MqttMessage> messages = {};
-  std::size_t bytes = 0;
-  // Not guarded, and last, because it calls until it is destroyed.
+  std::size_t bytes = 0;  ///< of `messages`
+  // Last, because it calls until it is destroyed.
   const std::unique_ptr<mosquitto, decltype(&::mosquitto_destroy)> owned{
-      library.mosquitto_new(nullptr, /*clean_session=*/true, this), library.mosquitto_destroy};
+      functions.mosquitto_new(nullptr, /*clean_session=*/true, this), functions.mosquitto_destroy};
   mosquitto* const client = owned.get();
 
   MqttLink(const MqttOptions& options_, std::function<void()> wake_)
       : options(options_), wake(std::move(wake_)) {
     if (client == nullptr) throw std::runtime_error("no client of MQTT can be made");
-    library.mosquitto_threaded_set(client, true);
-    const std::string& password = options.password;
+    functions.mosquitto_threaded_set(client, true);
+    functions.mosquitto_int_option(client, MOSQ_OPT_TCP_NODELAY, 1);  // answers go out at once
     if (!options.user.empty())
-      need(library.mosquitto_username_pw_set(client, options.user.c_str(),
-                                             password.empty() ? nullptr : password.c_str()),
-           "user and password can't be given");
-    library.mosquitto_int_option(client, MOSQ_OPT_TCP_NODELAY, 1);  // answers go out at once
-    need(library.mosquitto_int_option(client, MOSQ_OPT_SEND_MAXIMUM, kMostSent),
-         "answers can't go out at once");
-    if (options.tls)
-      need(library.mosquitto_int_option(client, MOSQ_OPT_TLS_USE_OS_CERTS, 1),
-           "TLS with the certificates of this computer can't be had");
-    need(library.mosquitto_will_set(client, topic("link").c_str(),
-                                    static_cast<int>(kLinkLost.size()), kLinkLost.data(),
-                                    kAtLeastOnce, /*retain=*/true),
-         "there can't be a topic " + io::printable(topic("link")));
-    library.mosquitto_connect_callback_set(client, [](mosquitto*, void* self, int code) {
-      called(self, [&](MqttLink& of) { of.came(code); });
-    });
-    library.mosquitto_subscribe_callback_set(
-        client, [](mosquitto*, void* self, int, int count, const int* granted) {
-          called(self, [&](MqttLink& of) { of.subscribed(count > 0 && *granted <= kAtLeastOnce); });
-        });
-    library.mosquitto_publish_callback_set(client, [](mosquitto*, void* self, int) {
-      called(self, [](MqttLink& of) { of.acknowledged(); });
-    });
-    library.mosquitto_message_callback_set(
-        client, [](mosquitto*, void* self, const mosquitto_message* message) {
-          called(self, [&](MqttLink& of) { of.take(*message); });
-        });
-    library.mosquitto_log_callback_set(
-        client, [](mosquitto*, void* self, int level, const char* text) {
-          if (level != MOSQ_LOG_ERR) return;
-          called(self, [&](MqttLink& of) {
-            const std::string_view all(text);  // of OpenSSL, whose last part has the reason
-            of.detail = io::printable(std::string(all.substr(all.rfind(':') + 1)));
-          });
-        });
+      need(functions.mosquitto_username_pw_set(client, options.user.c_str(),
+                                               options.password.c_str()));
+    if (options.tls) need(functions.mosquitto_int_option(client, MOSQ_OPT_TLS_USE_OS_CERTS, 1));
+    need(functions.mosquitto_will_set(client, topic("link").c_str(),
+                                      static_cast<int>(kLinkLost.size()), kLinkLost.data(),
+                                      kAtLeastOnce, /*retain=*/true));
+    functions.mosquitto_connect_callback_set(client, callback<&MqttLink::came>);
+    functions.mosquitto_subscribe_callback_set(client, callback<&MqttLink::subscribed>);
+    functions.mosquitto_publish_callback_set(client, callback<&MqttLink::published>);
+    functions.mosquitto_message_callback_set(client, callback<&MqttLink::take>);
+    functions.mosquitto_log_callback_set(client, callback<&MqttLink::log>);
   }
 
-  /// Does the work of a callback. The library is C, which no exception may pass.
-  template <class Work>
-  static void called(void* self, const Work& work) noexcept {
-    try {
-      work(*static_cast<MqttLink*>(self));
-    } catch (const std::exception& error) {
-      std::fputs("soilvdb: warning: a message of MQTT is lost: ", stderr);
-      std::fputs(error.what(), stderr);
-      std::fputs("\n", stderr);
-    }
+  template <auto member, class... Arguments>
+  static void callback(mosquitto*, void* self, Arguments... arguments) noexcept {
+    (static_cast<MqttLink*>(self)->*member)(arguments...);
   }
-  std::string reason(int code) const { return without_stop(library.mosquitto_strerror(code)); }
-  void need(int code, const std::string& fault) const {
-    if (code != MOSQ_ERR_SUCCESS) throw io::InputError(line(fault + ": " + reason(code)));
+  void need(int code) const {
+    if (code != MOSQ_ERR_SUCCESS)
+      throw io::InputError(fmt::format("--mqtt: {}", functions.mosquitto_strerror(code)));
   }
   std::string topic(const std::string& below) const { return options.topic + '/' + below; }
-  void publish(const std::string& below, std::string_view text, bool retain = false,
-               int quality = kAtLeastOnce) {
-    ++unacknowledged;
-    const int code =
-        library.mosquitto_publish(client, nullptr, topic(below).c_str(),
-                                  static_cast<int>(text.size()), text.data(), quality, retain);
-    if (code == MOSQ_ERR_SUCCESS || code == MOSQ_ERR_NO_CONN) return;  // it goes out later
-    --unacknowledged;
-    const std::lock_guard lock(mutex);
-    warn("a message to " + io::printable(topic(below)) + " can't be sent: " + reason(code));
-  }
-  void acknowledged() {
-    --unacknowledged;
-    const std::lock_guard lock(mutex);
-    if (!messages.empty()) wake();
-  }
-  std::string line(const std::string& what) const {
-    return fmt::format("MQTT broker {} port {}: {}", io::printable(options.host), options.port,
-                       what);
-  }
   /// Each line once, until another comes.
   void warn(const std::string& what) {
-    if (std::exchange(told, what) != what) say("warning: " + line(what));
+    if (std::exchange(told, what) == what) return;
+    say(fmt::format("warning: MQTT broker {} port {} {}", io::printable(options.host), options.port,
+                    what));
+  }
+
+  /// At most once: a message for which a broker ends the connection must not be sent again.
+  void publish(const std::string& below, std::string_view text, bool retain = false) {
+    functions.mosquitto_publish(client, nullptr, topic(below).c_str(),
+                                static_cast<int>(text.size()), text.data(), kAtMostOnce, retain);
   }
 
   /// The broker has answered.
   void came(int code) {
-    const int asked = code != 0 ? MOSQ_ERR_SUCCESS
-                                : library.mosquitto_subscribe(
-                                      client, nullptr, topic("feed/+").c_str(), kAtLeastOnce);
-    const std::lock_guard lock(mutex);
     connected = code == 0;
-    if (!connected) {
-      constexpr int kWrongPassword = 4, kNotAuthorised = 5;
-      refused = without_stop(library.mosquitto_connack_string(code));
-      hint = code == kWrongPassword || code == kNotAuthorised
-                 ? "; give USER@ and a --mqtt-password-file"
-                 : "";
-      ending |= starting;
-    } else if (!told.empty()) {
-      warn("it is there again");
-    }
-    if (asked != MOSQ_ERR_SUCCESS)
-      warn(io::printable(topic("feed/+")) + " can't be read: " + reason(asked));
-    changed.notify_all();
-  }
-
-  void subscribed(bool granted) {
-    if (granted) return publish("link", R"({"link":"live"})", /*retain=*/true);
-    const std::lock_guard lock(mutex);
-    warn("this site may not read " + io::printable(topic("feed/+")));
-  }
-
-  void take(const mosquitto_message& message) {
-    const std::string_view at(message.topic);
-    const std::string below = topic("feed/");
-    if (!at.starts_with(below)) return;
-    MqttMessage made{std::string(at.substr(below.size()))};
-    const auto size = static_cast<std::size_t>(message.payloadlen);
-    const std::string_view text(size > 0 ? static_cast<const char*>(message.payload) : "", size);
-    const std::lock_guard lock(mutex);
-    if (bytes > 2 * kMostWaiting_bytes)
-      return warn("messages come faster than they can be refused");
-    if (message.retain)
-      made.fault = "a retained message is of some time before; publish states without 'retain'";
-    else if (size > kMostFeed)
-      made.fault = "the message is larger than 64 kB; send fewer lines at once";
-    else if (std::count(text.begin(), text.end(), '\n') + !text.ends_with('\n') > kMostLines)
-      made.fault =
-          fmt::format("the message has more than {} lines; send fewer at once", kMostLines);
-    else if (bytes + size > kMostWaiting_bytes)
-      made.fault = "the site doesn't keep up; send it again, and wait for answers";
+    if (connected)
+      functions.mosquitto_subscribe(client, nullptr, topic("feed/+").c_str(), kAtLeastOnce);
     else
-      made.text = text;
-    bytes += size_of(made);
-    messages.push_back(std::move(made));
+      refused = functions.mosquitto_connack_string(code);
+    if (code == CONNACK_REFUSED_BAD_USERNAME_PASSWORD || code == CONNACK_REFUSED_NOT_AUTHORIZED)
+      refused += " Give USER@ and a --mqtt-password-file";
+  }
+  void subscribed(int, int, const int* granted) {
+    if (*granted <= kAtLeastOnce) return publish("link", R"({"link":"live"})", /*retain=*/true);
+    warn("does not let this site read " + io::printable(topic("feed/+")));
+  }
+  void published(int) {
+    const std::lock_guard lock(mutex);
     wake();
   }
-  static std::size_t size_of(const MqttMessage& message) {
-    return sizeof(message) + message.name.size() + message.text.size() + message.fault.size();
+  void log(int level, const char* text) {
+    const std::string_view all(text);  // of OpenSSL, whose last part has the reason
+    if (level == MOSQ_LOG_ERR) refused = io::printable(std::string(all.substr(all.rfind(':') + 1)));
   }
-  /// None while too many answers wait for the broker.
-  std::optional<MqttMessage> next() {
+  void take(const mosquitto_message* message) {
+    const std::string_view at(message->topic);
+    const std::string below = topic("feed/");
+    if (!at.starts_with(below) || message->retain) return;
+    std::string name(at.substr(below.size())), text;
+    if (message->payloadlen > 0)
+      text.assign(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
+    std::string bare = text;  // a link's strings have no blanks
+    std::erase_if(bare, [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; });
+    const FeedSource::Link link = bare == kLinkLost    ? FeedSource::Link::kLost
+                                  : bare == kLinkEnded ? FeedSource::Link::kEnded
+                                                       : FeedSource::Link::kLive;
+    const std::size_t more = sizeof(MqttMessage) + name.size() + text.size();
     const std::lock_guard lock(mutex);
-    if (messages.empty() || unacknowledged >= kMostUnacknowledged) return {};
+    if (bytes + more > kMostWaiting_bytes)
+      return warn("brings messages faster than they can be fed; some are lost");
+    bytes += more;
+    messages.push_back({std::move(name), FeedLines(std::move(text)), link, more});
+    wake();
+  }
+  /// None while an answer waits for a slow connection.
+  std::optional<MqttMessage> next() {
+    if (connected && functions.mosquitto_want_write(client)) return {};
+    const std::lock_guard lock(mutex);
+    if (messages.empty()) return {};
     MqttMessage first = std::move(messages.front());
     messages.pop_front();
-    bytes -= size_of(first);
+    bytes -= first.bytes;
     return first;
   }
 
-  /// Connects, and reads until the connection ends. @return why it did
-  std::string stay() {
-    int code = library.mosquitto_connect(client, options.host.c_str(), options.port, kKeepAlive_s);
-    while (code == MOSQ_ERR_SUCCESS) {
-      code = library.mosquitto_loop(client, kLoop_ms, 1);
-      const std::lock_guard lock(mutex);
-      if (ending) break;
-    }
-    if (code == MOSQ_ERR_ERRNO) return std::strerror(errno);
-    return reason(code) + (code == MOSQ_ERR_TLS ? ": " + detail : "");
-  }
-
+  /// Connects, and reads until the connection ends, again and again.
   void run() {
-    for (std::unique_lock lock(mutex); !ending;) {
-      lock.unlock();
-      const std::string why = stay();
-      lock.lock();
-      connected = false;
+    while (!ending) {
+      const auto begin = ServerState::Clock::now();
+      int code =
+          functions.mosquitto_connect(client, options.host.c_str(), options.port, kKeepAlive_s);
+      while (code == MOSQ_ERR_SUCCESS && !ending) {
+        code = functions.mosquitto_loop(client, kLoop_ms, 1);
+        if (connected && ServerState::Clock::now() - begin > kTryAgain &&
+            std::exchange(gone, false))
+          warn("is there again");
+      }
       if (ending) break;
-      warn((refused.empty() ? why : refused) + "; it is tried again and again");
-      changed.notify_all();
-      changed.wait_for(lock, kTryAgain, [&] { return ending; });
-      refused.clear();
+      gone = !(connected = false);
+      if (code == MOSQ_ERR_CONN_LOST)
+        refused = "The connection was lost; if it is after long answers, send fewer lines at once";
+      warn("is tried again and again: " +
+           (refused.empty() ? functions.mosquitto_strerror(code) : std::exchange(refused, {})));
+      std::unique_lock lock(mutex);
+      changed.wait_for(lock, kTryAgain, [&] { return ending.load(); });
     }
-    publish("link", kLinkEnded, /*retain=*/true, kAtMostOnce);
-    library.mosquitto_disconnect(client);
-    for (int i = 0; library.mosquitto_want_write(client) && i < kLoop_ms; ++i)
-      if (library.mosquitto_loop(client, 1, 1) != MOSQ_ERR_SUCCESS) break;
+    publish("link", kLinkEnded, /*retain=*/true);
+    functions.mosquitto_disconnect(client);
+    for (int i = 0; functions.mosquitto_want_write(client) && i < kLoop_ms; ++i)
+      if (functions.mosquitto_loop(client, 1, 1) != MOSQ_ERR_SUCCESS) break;
     const std::lock_guard lock(mutex);
     ended = true;
     changed.notify_all();
   }
-
   /// Waits for the thread for a while.
   void end() {
     std::unique_lock lock(mutex);
@@ -330,134 +216,80 @@ struct MqttLink {
   }
 };
 
-}  // namespace
-
-struct MqttBridge::Feeds {
-  struct Fed {
-    std::shared_ptr<FeedSource> source = std::make_shared<FeedSource>();
-    double silent_s = 0;
-  };
-
-  ServerState& state;
-  std::shared_ptr<MqttLink> link;
-  std::optional<MqttMessage> message = {};  ///< that is being fed
-  FeedLines lines = {};                     ///< of it
-  std::map<std::string, Fed> fed = {};      ///< by name
-  std::atomic<bool> asked = false;
-
-  void set_link(Fed& of, FeedSource::Link to) const {
-    if (std::exchange(of.source->link, to) != to) state.tell_soon();
+class MqttFeeds : public MqttBridge {
+ public:
+  MqttFeeds(ServerState& state, const MqttOptions& options)
+      : state_(state), link_(std::make_shared<MqttLink>(options, [this] { work_soon(); })) {
+    std::thread([link = link_] { link->run(); }).detach();
   }
+  ~MqttFeeds() override { link_->end(); }
 
-  /// A lost name that no machine belongs to. @return is there one?
-  bool forget_one() {
-    const auto found = std::find_if(fed.begin(), fed.end(), [](const auto& entry) {
-      const auto& source = entry.second.source;
-      return source->link == FeedSource::Link::kLost && source.use_count() == 1;
-    });
-    if (found == fed.end()) return false;
-    fed.erase(found);
-    return true;
-  }
-
-  /// Null: there are too many.
-  Fed* heard(const std::string& name) {
-    auto found = fed.find(name);
-    if (found == fed.end()) {
-      if (fed.size() >= kMostFeeds && !forget_one()) return nullptr;
-      found = fed.emplace(name, Fed()).first;
-      found->second.source->name = "MQTT topic " + io::printable(link->topic("feed/" + name));
+  void work(std::chrono::duration<double> passed) override {
+    for (auto& [name, of] : fed_) {
+      if (state_.undoing) return;
+      of->silent_s += passed.count();
+      if (!link_->connected || of->silent_s >= kLost_s) set_link(*of, FeedSource::Link::kLost);
     }
-    found->second.silent_s = 0;
-    set_link(found->second, FeedSource::Link::kLive);
-    return &found->second;
+    work_soon();  // it may have waited for states that were taken back
   }
 
-  /// Takes a last will, or a goodbye.
-  bool takes_link() {
-    const auto json = nlohmann::json::parse(message->text, nullptr, /*allow_exceptions=*/false);
-    const bool lost = json == nlohmann::json::parse(kLinkLost);
-    if (!lost && !(json == nlohmann::json::parse(kLinkEnded)))
-      return false;  // not !=, if discarded
-    if (const auto found = fed.find(message->name); found != fed.end()) {
-      set_link(found->second, lost ? FeedSource::Link::kLost : FeedSource::Link::kEnded);
-      if (!lost) fed.erase(found);
+ private:
+  void set_link(FeedSource& of, FeedSource::Link to) const {
+    if (std::exchange(of.link, to) != to) state_.tell_soon();
+  }
+
+  /// Feeds lines of the message for a short time, and then answers it. @return are more left?
+  bool feed(const std::shared_ptr<FeedSource>& from) {
+    std::string_view answer =
+        R"({"error":"the message is larger than 64 kB; send fewer lines at once"})";
+    if (message_->bytes <= kMostFeed) {
+      if (message_->lines.feed(state_.feed_of(from))) return true;
+      answer = message_->lines.answers();
+      if (answer.size() > kMostAnswer_bytes)
+        answer =
+            R"({"error":"it was fed, but its answers exceed 128 kB; send fewer lines at once"})";
     }
-    return true;
-  }
-
-  void refuse(const std::string& why) {
-    link->publish("answers/" + message->name, io::to_text(nlohmann::ordered_json{{"error", why}}));
-    message.reset();
+    if (link_->connected) link_->publish("answers/" + message_->name, answer);
+    return false;
   }
 
   void work() {
-    if (state.undoing || state.ending) return;
-    if (!message) {
-      if (!(message = link->next())) return;
-      lines = FeedLines(message->text);
-      if (!message->fault.empty()) {
-        refuse(message->fault);
-      } else if (takes_link()) {
-        message.reset();
-      }
-    }
-    if (message) {
-      if (Fed* from = heard(message->name); from == nullptr) {
-        refuse("too many names feed this site; end some of them");
-      } else if (!lines.feed([feed = state.feed_of(from->source)](std::string_view line) {
-                   return shortened(feed(line));
-                 })) {
-        link->publish("answers/" + message->name, lines.answers());
-        message.reset();
-      }
-    }
+    if (state_.undoing || state_.ending || (!message_ && !(message_ = link_->next()))) return;
     work_soon();
+    const bool lives = message_->link == FeedSource::Link::kLive;
+    std::shared_ptr<FeedSource>& from = fed_[message_->name];
+    if (!from) from = std::make_shared<FeedSource>();
+    from->name = "MQTT topic " + io::printable(link_->topic("feed/" + message_->name));
+    from->silent_s = 0;
+    set_link(*from, lives && !link_->connected ? FeedSource::Link::kLost : message_->link);
+    if (lives && feed(from)) return;
+    message_.reset();
+    std::erase_if(fed_, [](const auto& of) {  // no machine is fed by it any more
+      return of.second.use_count() == 1 || of.second->link == FeedSource::Link::kEnded;
+    });
   }
 
   /// From any thread.
   void work_soon() {
-    if (asked.exchange(true)) return;
-    boost::asio::post(state.io, [this] {
-      asked = false;
+    if (asked_.exchange(true)) return;
+    boost::asio::post(state_.io, [this] {
+      asked_ = false;
       work();
     });
   }
 
-  void listen(double passed_s) {
-    if (state.undoing) return;
-    bool connected = false;
-    {
-      const std::lock_guard lock(link->mutex);
-      connected = link->connected;
-    }
-    for (auto& [name, of] : fed) {
-      of.silent_s += passed_s;
-      if (!connected || of.silent_s >= kLost_s) set_link(of, FeedSource::Link::kLost);
-    }
-  }
+  ServerState& state_;
+  const std::shared_ptr<MqttLink> link_;
+  std::optional<MqttMessage> message_ = {};  ///< that is being fed
+  /// By name: those that a machine is fed by, or `message_` comes from.
+  std::map<std::string, std::shared_ptr<FeedSource> > fed_ = {};
+  std::atomic<bool> asked_ = false;
 };
 
-MqttBridge::MqttBridge(ServerState& state, const MqttOptions& options)
-    : feeds_(new Feeds{state, nullptr}) {
-  feeds_->link =
-      std::make_shared<MqttLink>(options, [feeds = feeds_.get()] { feeds->work_soon(); });
-  MqttLink& link = *feeds_->link;
-  std::thread([shared = feeds_->link] { shared->run(); }).detach();
-  std::unique_lock lock(link.mutex);
-  link.changed.wait_for(lock, kFirstTry,
-                        [&] { return link.connected || link.ending || !link.told.empty(); });
-  link.starting = false;
-  if (!link.ending) return;
-  link.wake = [] {};
-  throw io::InputError(link.line(link.refused + link.hint));
-}
+}  // namespace
 
-MqttBridge::~MqttBridge() { feeds_->link->end(); }
-
-void MqttBridge::work(std::chrono::duration<double> passed) {
-  feeds_->listen(passed.count());
-  feeds_->work_soon();  // it may have waited for states that were taken back
+std::unique_ptr<MqttBridge> feed_by_mqtt(ServerState& state, const MqttOptions& options) {
+  return std::make_unique<MqttFeeds>(state, options);
 }
 
 }  // namespace soilvdb::tools

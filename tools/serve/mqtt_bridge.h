@@ -24,21 +24,15 @@ struct MqttOptions {
 /// keeps the connection, and connects again and again.
 class MqttBridge {
  public:
-  /// @param state whose thread calls all members
-  /// @throw std::exception with one line if the broker refuses; that it isn't there is only told
-  MqttBridge(ServerState& state, const MqttOptions& options);
   /// Says goodbye.
-  ~MqttBridge();
-  MqttBridge(const MqttBridge&) = delete;
-  MqttBridge& operator=(const MqttBridge&) = delete;
-
+  virtual ~MqttBridge() = default;
   /// Call it often: feeds what came, for a short time.
   /// @param passed time since the last call in which messages could be read
-  void work(std::chrono::duration<double> passed);
-
- private:
-  struct Feeds;
-  std::unique_ptr<Feeds> feeds_;
+  virtual void work(std::chrono::duration<double> passed) = 0;
 };
+
+/// @param state on whose thread the bridge works
+/// @throw std::exception with one line for wrong options; that a broker isn't there is only told
+std::unique_ptr<MqttBridge> feed_by_mqtt(ServerState& state, const MqttOptions& options);
 
 }  // namespace soilvdb::tools

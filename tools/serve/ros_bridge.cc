@@ -113,7 +113,7 @@ void RosBridge::take(const Dds::Message& message) {
       for (Fed& fed : fed_) {
         if (fed.of.machine != machine) continue;
         fed.heard = true;
-        fed.silent_s = 0;
+        fed.source->silent_s = 0;
         set_link(fed, FeedSource::Link::kLive);
       }
   } catch (const io::CdrError& e) {
@@ -169,10 +169,10 @@ void RosBridge::listen(std::chrono::duration<double> passed) {
   if (state_.undoing) return;
   for (Fed& fed : fed_) {
     if (!fed.heard) continue;
-    fed.silent_s += passed.count();
+    fed.source->silent_s += passed.count();
     const bool is_there = std::all_of(fed.movers.begin(), fed.movers.end(),
                                       [&](std::size_t input) { return dds_->senders(input) > 0; });
-    if (!is_there || fed.silent_s >= kLost_s) set_link(fed, FeedSource::Link::kLost);
+    if (!is_there || fed.source->silent_s >= kLost_s) set_link(fed, FeedSource::Link::kLost);
   }
 }
 

@@ -59,8 +59,7 @@ class RosBridge {
   struct Fed {
     RosMachine of;
     std::shared_ptr<FeedSource> source = std::make_shared<FeedSource>();
-    bool heard = false;  ///< ever
-    double silent_s = 0;
+    bool heard = false;                    ///< ever
     std::vector<std::size_t> inputs = {};  ///< that it reads
     std::vector<std::size_t> movers = {};  ///< those of them that make its states
     Clock::time_point told = {};           ///< when its last refusal was printed

@@ -339,7 +339,7 @@ Server::Server(LiveSite& site, std::unique_ptr<History> history,
   const std::string all = url();
   state_->input->name = "standard input";
   if (options.ros) state_->ros = std::make_unique<RosBridge>(*state_, *options.ros);
-  if (options.mqtt) state_->mqtt = std::make_unique<MqttBridge>(*state_, *options.mqtt);
+  if (options.mqtt) state_->mqtt = feed_by_mqtt(*state_, *options.mqtt);
   site.set_address(
       options.token.empty() ? "curl -X POST" : "curl -X POST -H 'Authorization: Bearer TOKEN'",
       all.substr(0, all.find('#')));
