@@ -390,10 +390,15 @@ std::vector<Update> Site::make(std::span<const Move> moves) {
 StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
   return guarded<StepResult>([&](bool&) {
     std::vector<const Pose*> poses;
-    for (const std::optional<Input>& input : inputs_)
+    std::vector<PlacedBoxes> links;
+    for (std::size_t m = 0; m < inputs_.size(); ++m) {
+      const std::optional<Input>& input = inputs_[m];
       poses.push_back(input ? &input->pose : nullptr);
+      if (!input || input->configuration.empty()) continue;
+      for (PlacedBoxes& body : chain(m).placed_bodies(input->configuration)) links.push_back(body);
+    }
     auto begun = survey_ ? nullptr : new_survey();  // a scan that is refused begins none
-    (begun ? *begun : *survey_).scan(sensor, points_m, poses);
+    (begun ? *begun : *survey_).scan(sensor, points_m, poses, links);
     if (begun) survey_ = std::move(begun);
     return StepResult();
   });

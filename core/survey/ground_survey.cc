@@ -233,7 +233,7 @@ void GroundSurvey::worked(std::optional<std::size_t> machine) {
 bool GroundSurvey::has_news() const { return !state_->is_solved; }
 
 void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
-                        std::span<const Pose* const> poses) {
+                        std::span<const Pose* const> poses, std::span<const PlacedBoxes> bodies) {
   sensor.validate();
   const Vec3& from = sensor.pose.position;
   for (std::size_t i = 0; i < points_m.size(); ++i)
@@ -242,7 +242,7 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
                                   text(kMostScanRangeM) + " m of the sensor");
   state_->require_room(points_m);
   const bool is_known = state_->known(sensor).has_value();
-  const ScanRays ends = state_->unmasked(sensor, points_m, poses);
+  const ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.
   if (is_known && ends.count() == 0) return;
   state_->refresh(false);

@@ -16,19 +16,21 @@ namespace {
 /// Ends of rays in plan, at so many at a time, meet the same bodies.
 constexpr std::size_t kRaysAtOnce = 256;
 
-/// The body of a bucket, in its frame, with what is about it.
+/// The body of a bucket, in its frame.
 Eigen::AlignedBox3d body_of(const Bucket& bucket) {
   Eigen::AlignedBox3d box;
   for (const Vec3& point : extremes(bucket)) box.extend(point);
   if (bucket.profile.empty() && !bucket.shape) box.extend(Vec3(-bucket.height_m, 0, 0));
-  const Vec3 room = Vec3::Constant(kMaskRoomM);
-  return {box.min() - room, box.max() + room};
+  return box;
 }
 
-/// A box turned against the world, as rays from a place meet it.
+/// A box turned against the world, with room about it, as rays from a place meet it.
 struct Body {
-  Body(const Eigen::AlignedBox3d& box, const Pose& pose, const Vec3& place) {
+  Body(const Eigen::AlignedBox3d& tight, const Pose& pose, const Vec3& place) {
+    const Vec3 room = Vec3::Constant(kMaskRoomM);
+    const Eigen::AlignedBox3d box(tight.min() - room, tight.max() + room);
     const Vec3 from = pose.inverse() * place;
+    has_place = box.contains(from);
     const Eigen::Matrix3d turn = pose.rotation.toRotationMatrix().transpose();
     for (int a = 0; a < 3; ++a) {
       const auto n = static_cast<std::size_t>(a);
@@ -47,13 +49,16 @@ struct Body {
   std::array<float, 3> low, high;  // of the box from the place, in its frame, m
   std::array<std::array<float, 3>, 3> rows;
   Eigen::AlignedBox3f around;  // from the place, axes of the world
+  bool has_place;              // in the box: all rays begin there
 };
 
 /// Marks rays that meet a body before their ends.
-SOILVDB_FOR_CPUS void mark_masked(const Body& body, const float* x, const float* y, const float* z,
-                                  const float* length, std::size_t count, std::uint8_t* masked) {
+/// @param begins share of its length at which a ray begins
+SOILVDB_FOR_CPUS void mark_masked(const Body& body, float begins, const float* x, const float* y,
+                                  const float* z, const float* length, std::size_t count,
+                                  std::uint8_t* masked) {
   for (std::size_t i = 0; i < count; ++i) {
-    float begin = 0, end = length[i];
+    float begin = begins * length[i], end = length[i];
     for (std::size_t a = 0; a < 3; ++a) {
       const std::array<float, 3>& row = body.rows[a];
       const float along = row[0] * x[i] + row[1] * y[i] + row[2] * z[i];
@@ -65,6 +70,54 @@ SOILVDB_FOR_CPUS void mark_masked(const Body& body, const float* x, const float*
     masked[i] |= begin <= end ? 1 : 0;
   }
 }
+
+/// A part of a machine. A sensor may stand in one of its boxes, as on a cab's roof: of its rays
+/// those meet that box that end in it.
+class Mask {
+ public:
+  Mask(const PlacedBoxes& part, const Vec3& place)
+      : all_(around(part), part.world_from_boxes, place) {
+    for (const Eigen::AlignedBox3d& box : part.boxes_m)
+      boxes_.emplace_back(box, part.world_from_boxes, place);
+    few_.resize(kRaysAtOnce);
+  }
+
+  /// Marks those of rays from `first` on, kRaysAtOnce at most. @param ends about their ends
+  void mark(const ScanRays& rays, std::size_t first, std::size_t count,
+            const Eigen::AlignedBox3f& ends, std::uint8_t* masked) {
+    if (!ends.intersects(all_.around)) return;
+    // As a rule few rays come near, and there are many boxes.
+    std::array<std::uint8_t, kRaysAtOnce> marks = {};
+    mark_masked(all_, 0, &rays.x[first], &rays.y[first], &rays.z[first], &rays.length_m[first],
+                count, marks.data());
+    std::array<std::size_t, kRaysAtOnce> near;
+    std::size_t number = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (marks[i] == 0) continue;
+      few_.x[number] = rays.x[first + i];
+      few_.y[number] = rays.y[first + i];
+      few_.z[number] = rays.z[first + i];
+      few_.length_m[number] = rays.length_m[first + i];
+      near[number++] = i;
+    }
+    marks = {};
+    for (const Body& box : boxes_)
+      mark_masked(box, box.has_place ? 1 : 0, few_.x.data(), few_.y.data(), few_.z.data(),
+                  few_.length_m.data(), number, marks.data());
+    for (std::size_t i = 0; i < number; ++i) masked[near[i]] |= marks[i];
+  }
+
+ private:
+  static Eigen::AlignedBox3d around(const PlacedBoxes& part) {
+    Eigen::AlignedBox3d all;
+    for (const Eigen::AlignedBox3d& box : part.boxes_m) all.extend(box);
+    return all;
+  }
+
+  Body all_;
+  std::vector<Body> boxes_;
+  ScanRays few_;
+};
 
 std::int64_t in_units(float value, double unit) {
   return std::lrint(static_cast<double>(value) / unit);
@@ -308,11 +361,16 @@ void SurveyState::see_through() {
 }
 
 ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
-                               std::span<const Pose* const> poses) {
+                               std::span<const Pose* const> poses,
+                               std::span<const PlacedBoxes> links) {
   const Vec3& from = sensor.pose.position;
-  std::vector<Body> bodies;
-  for (std::size_t m = 0; m < poses.size(); ++m)
-    if (poses[m] != nullptr) bodies.emplace_back(body_of(buckets[m]), *poses[m], from);
+  std::vector<Mask> masks;
+  for (std::size_t m = 0; m < poses.size(); ++m) {
+    if (poses[m] == nullptr) continue;
+    const Eigen::AlignedBox3d body = body_of(buckets[m]);
+    masks.emplace_back(PlacedBoxes{*poses[m], std::span(&body, 1)}, from);
+  }
+  for (const PlacedBoxes& link : links) masks.emplace_back(link, from);
   ScanRays all;
   all.resize(points_m.size());
   std::size_t count = 0;
@@ -333,15 +391,9 @@ ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> point
       ++count;
       around.extend(way.cast<float>());
     }
+    if (masks.empty()) continue;
     masked.fill(0);
-    bool any = false;
-    for (const Body& body : bodies) {
-      if (!around.intersects(body.around)) continue;
-      any = true;
-      mark_masked(body, &all.x[first], &all.y[first], &all.z[first], &all.length_m[first],
-                  count - first, masked.data());
-    }
-    if (!any) continue;
+    for (Mask& mask : masks) mask.mark(all, first, count - first, around, masked.data());
     const std::size_t end = count;
     count = first;
     for (std::size_t i = first; i < end; ++i)

@@ -128,4 +128,28 @@ std::vector<Vec3> Chain::joint_places(std::span<const double> values) const {
   return places;
 }
 
+std::vector<PlacedBoxes> Chain::placed_bodies(std::span<const double> values) const {
+  std::vector<PlacedBoxes> placed;
+  if (!bodies) return placed;
+  const Pose base = base_of(values);
+  for (const LinkBody& body : bodies->all()) {
+    std::vector<double> own;
+    for (const std::size_t joint : body.joints) own.push_back(values[joint]);
+    add_base(own, base);
+    placed.push_back({body.link.world_from_bucket(own), body.boxes_m});
+  }
+  return placed;
+}
+
+const LinkBodies::Read& LinkBodies::read() const {
+  std::call_once(once_, [&] { done_ = read_(); });
+  return done_;
+}
+
+std::string LinkBodies::take_warning() const {
+  std::string warning;
+  std::call_once(told_, [&] { warning = read().warning; });
+  return warning;
+}
+
 }  // namespace soilvdb::inline v0

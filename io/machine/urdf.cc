@@ -15,9 +15,12 @@
 #include <string_view>
 #include <vector>
 
+#include "core/constants.h"
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/file/xml.h"
+#include "io/mesh/mesh_boxes.h"
+#include "soilvdb/io/mesh_file.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -51,6 +54,35 @@ class Robot {
     std::vector<std::string> names;
     for (const auto& [name, xml] : links_) names.push_back(name);
     return printable(nearest(link, names));
+  }
+
+  /// Shapes of all links that a machine's joints place: its own, or else what is drawn of it.
+  LinkBodies::Read bodies(const std::vector<std::string>& joints) const {
+    LinkBodies::Read all;
+    std::string first;
+    int unread = 0;
+    for (const auto& [name, link] : links_) {
+      const char* which = link->FirstChildElement("collision") != nullptr ? "collision" : "visual";
+      if (link->FirstChildElement(which) == nullptr) continue;
+      std::optional<LinkBody> placed = place(name, joints);
+      if (!placed) continue;
+      for (const auto* shape = link->FirstChildElement(which); shape != nullptr;
+           shape = shape->NextSiblingElement(which)) {
+        try {
+          LinkBody body = *placed;
+          body.boxes_m = boxes(*shape);
+          body.link.link_from_bucket = origin(*shape);
+          all.bodies.push_back(std::move(body));
+        } catch (const InputError& e) {
+          if (unread++ == 0) first = e.what();
+        }
+      }
+    }
+    if (unread > 0)
+      all.warning = fmt::format(
+          "{}: {} shape{} of links can't be read, so that scans take {} for ground (first: {})",
+          file_.string(), unread, unread == 1 ? "" : "s", unread == 1 ? "it" : "them", first);
+    return all;
   }
 
   /// The joints from the root link to `link`, then joints that these mimic.
@@ -161,6 +193,86 @@ class Robot {
     return otherwise;
   }
 
+  /// Where a link is by a machine's joints; empty if other joints move it, or of kinds that no
+  /// number places.
+  std::optional<LinkBody> place(const std::string& link,
+                                const std::vector<std::string>& joints) const {
+    LinkBody body;
+    try {
+      body.link.joints = chain(link);
+    } catch (const InputError&) {
+      return {};
+    }
+    for (const std::string& joint : body.link.movable()) {
+      const auto at = std::find(joints.begin(), joints.end(), joint);
+      if (at == joints.end()) return {};
+      body.joints.push_back(static_cast<std::size_t>(at - joints.begin()));
+    }
+    return body;
+  }
+
+  Pose origin(const XMLElement& in) const {
+    const Vec3 rpy = numbers(in, "origin", "rpy", Vec3::Zero());
+    return {numbers(in, "origin", "xyz", Vec3::Zero()), from_rpy(rpy.x(), rpy.y(), rpy.z())};
+  }
+
+  /// A length of a shape, m.
+  double length(const XMLElement& shape, const char* name) const {
+    const double value = number(shape, attribute(shape, name));
+    if (!(value > 0))
+      fail(shape, fmt::format("has {}=\"{}\"; it must be more than 0", name, value));
+    return value;
+  }
+
+  /// Boxes about a <collision> or <visual>, in its own frame, m.
+  std::vector<Eigen::AlignedBox3d> boxes(const XMLElement& in) const {
+    const XMLElement* geometry = in.FirstChildElement("geometry");
+    const XMLElement* shape = geometry == nullptr ? nullptr : geometry->FirstChildElement();
+    if (shape == nullptr) fail(in, "has no <geometry> with a shape");
+    const std::string_view kind = shape->Name();
+    const auto about = [](const Vec3& half) {
+      return std::vector{Eigen::AlignedBox3d(-half, half)};
+    };
+    if (kind == "box") {
+      attribute(*shape, "size");
+      const Vec3 size = numbers(*geometry, "box", "size", Vec3::Zero());
+      if (!(size.minCoeff() > 0)) fail(*shape, "has a size that is not more than 0");
+      return about(size / 2);
+    }
+    if (kind == "sphere") return about(Vec3::Constant(length(*shape, "radius")));
+    if (kind == "cylinder") {
+      const double radius = length(*shape, "radius");
+      return about({radius, radius, length(*shape, "length") / 2});
+    }
+    if (kind != "mesh") fail(*shape, "is no box, cylinder, sphere or mesh");
+    const Vec3 scale = numbers(*geometry, "mesh", "scale", Vec3::Ones());
+    const Mesh mesh = read_mesh(mesh_file(*shape));
+    std::vector<std::array<Vec3, 3>> triangles;
+    for (const auto& corners : mesh.triangles) {
+      std::array<Vec3, 3>& triangle = triangles.emplace_back();
+      for (std::size_t k = 0; k < 3; ++k)
+        triangle[k] = mesh.points[corners[k]].cast<double>().cwiseProduct(scale);
+    }
+    return boxes_about(triangles, kMaskRoomM);
+  }
+
+  /// The file of a <mesh>. Of package://NAME/PATH, the folder NAME is sought at and above that of
+  /// the URDF, and beside these.
+  std::filesystem::path mesh_file(const XMLElement& mesh) const {
+    const std::string name = attribute(mesh, "filename");
+    constexpr std::string_view kFile = "file://", kPackage = "package://";
+    const std::filesystem::path folder = std::filesystem::absolute(file_).parent_path();
+    if (name.starts_with(kFile)) return name.substr(kFile.size());
+    if (!name.starts_with(kPackage)) return folder / name;
+    const std::filesystem::path in_package = name.substr(kPackage.size());
+    std::error_code none;
+    for (std::filesystem::path at = folder; at != at.root_path(); at = at.parent_path())
+      for (const auto& file : {at.parent_path() / in_package, at / in_package})
+        if (std::filesystem::exists(file, none)) return file;
+    fail(mesh, fmt::format("has '{}', and no folder '{}' at or above the URDF has that file",
+                           printable(name), printable(in_package.begin()->string())));
+  }
+
   /// The velocity limit; unlimited if it is 0, which many files use for unknown, or beyond any
   /// machine's.
   double fastest(const XMLElement& limit) const {
@@ -216,9 +328,7 @@ class Robot {
                            printable(parent), nearest_link(parent)));
     }
     joint.type = type(in);
-    joint.parent_from_joint.position = numbers(in, "origin", "xyz", Vec3::Zero());
-    const Vec3 rpy = numbers(in, "origin", "rpy", Vec3::Zero());
-    joint.parent_from_joint.rotation = from_rpy(rpy.x(), rpy.y(), rpy.z());
+    joint.parent_from_joint = origin(in);
     if (joint.type == Joint::Type::kFixed) return joint;
     follow(in, joint);
     const Vec3 axis = numbers(in, "axis", "xyz", Vec3::UnitX());
@@ -282,6 +392,8 @@ Chain read_chain(const std::filesystem::path& file, const std::string& link) {
       throw InputError(file, "joint 'time' has the name of the motion's first column; rename it");
     }
   }
+  chain.bodies = std::make_shared<const LinkBodies>(
+      [file, text, joints = chain.movable()] { return Robot(file, text).bodies(joints); });
   return chain;
 }
 

@@ -315,6 +315,17 @@ MachineInput read_unmoved(const YamlMap& machine, const std::string& name, Scena
   return read;
 }
 
+/// Reads the shapes of machines before a scan needs them.
+void read_bodies(Scenario& scenario) {
+  for (const MachineInput& machine : scenario.machines) {
+    if (!machine.chain) continue;
+    std::string warning = machine.chain->bodies->take_warning();
+    if (!warning.empty() && std::find(scenario.warnings.begin(), scenario.warnings.end(),
+                                      warning) == scenario.warnings.end())
+      scenario.warnings.push_back(std::move(warning));
+  }
+}
+
 std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Scenario& result,
                                    Names& names) {
   std::vector<Section> sections;
@@ -365,6 +376,7 @@ MachineInput read_machine(const std::string& text, Scenario& site) {
                   require_new_name(name, site);
                   read = read_unmoved(machine, name, site);
                 });
+  if (read->chain) read->chain->bodies->all();  // not while a scan waits
   return *read;
 }
 
@@ -410,6 +422,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     scenario.machines.push_back(std::move(machine));
   }
   read_scan_inputs(map, scenario);
+  if (motions == Motions::kOptional || !scenario.scans.empty()) read_bodies(scenario);
   return scenario;
 }
 

@@ -12,8 +12,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::expect_read_or_refused([&] {
     try {
       const Chain chain = io::read_chain(file, "bucket");
-      const Pose pose = chain.world_from_bucket(std::vector<double>(chain.movable().size(), 0.5));
+      const std::vector<double> values(chain.movable().size(), 0.5);
+      const Pose pose = chain.world_from_bucket(values);
       fuzz::require(pose.rotation.coeffs().allFinite(), "the bucket has a direction");
+      for (const PlacedBoxes& body : chain.placed_bodies(values))
+        for (const auto& box : body.boxes_m)
+          fuzz::require(!box.isEmpty() && (body.world_from_boxes * box.center()).allFinite(),
+                        "a link's shape is somewhere");
     } catch (const std::invalid_argument& no_such_link) {
       fuzz::check_message(no_such_link);
     }

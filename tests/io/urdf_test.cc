@@ -9,8 +9,11 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
+#include <random>
 #include <thread>
 
+#include "io/mesh/mesh_boxes.h"
 #include "tests/support/temp_folder.h"
 
 namespace soilvdb::io {
@@ -171,6 +174,189 @@ TEST_F(Urdf, JointsThatMimicOthersFollowThem) {
       mimics("bom"),
       "m.urdf:2: joint 'boom' mimics joint 'bom', which does not exist; did you mean 'boom'?");
   EXPECT_EQ(mimics("boom"), "m.urdf:2: joint 'boom' mimics itself, through other joints");
+}
+
+/// An arm that turns about z at (1, 0, 0), a claw fixed to it that a finger turns on, and a wheel.
+std::string arm(const std::string& of_base, const std::string& of_arm, const std::string& of_claw) {
+  const auto turn = [](const std::string& name, const std::string& parent, const std::string& child,
+                       const std::string& more) {
+    return "<joint name=\"" + name + "\" type=\"continuous\"><parent link=\"" + parent +
+           "\"/><child link=\"" + child + "\"/><axis xyz=\"0 0 1\"/>" + more + "</joint>";
+  };
+  const std::string ball = R"(<collision><geometry><sphere radius="0.5"/></geometry></collision>)";
+  return "<robot name=\"m\"><link name=\"base\">" + of_base + "</link><link name=\"arm\">" +
+         of_arm + "</link><link name=\"claw\">" + of_claw + "</link>\n<link name=\"wheel\">" +
+         ball + "</link><link name=\"finger\">" + ball + "</link><link name=\"bucket\"/>" +
+         turn("swing", "base", "arm", R"(<origin xyz="1 0 0"/>)") +
+         R"(<joint name="weld" type="fixed"><parent link="arm"/><child link="claw"/>
+            <origin xyz="2 0 0" rpy="0 0 1.5707963267948966"/></joint>)" +
+         turn("rolls", "base", "wheel", "") +
+         turn("grips", "claw", "finger",
+              R"(<origin xyz="0 3 0"/><mimic joint="swing" multiplier="-0.5"/>)") +
+         R"(<joint name="end" type="fixed"><parent link="arm"/><child link="bucket"/></joint></robot>)";
+}
+
+/// The corners of the boxes of all bodies, in the order of x, y, z.
+std::vector<Vec3> corners_of(const std::vector<PlacedBoxes>& bodies) {
+  std::vector<Vec3> corners;
+  for (const PlacedBoxes& body : bodies)
+    for (const Eigen::AlignedBox3d& box : body.boxes_m)
+      for (int i = 0; i < 8; ++i)
+        corners.push_back(body.world_from_boxes *
+                          box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i)));
+  return corners;
+}
+/// The smallest box about all, world.
+Eigen::AlignedBox3d around(const std::vector<PlacedBoxes>& bodies) {
+  Eigen::AlignedBox3d all;
+  for (const Vec3& corner : corners_of(bodies)) all.extend(corner);
+  return all;
+}
+void expect_box(const Eigen::AlignedBox3d& box, const Vec3& low, const Vec3& high) {
+  EXPECT_LT((box.min() - low).cwiseAbs().maxCoeff(), 1e-9) << box.min().transpose();
+  EXPECT_LT((box.max() - high).cwiseAbs().maxCoeff(), 1e-9) << box.max().transpose();
+}
+
+TEST_F(Urdf, ShapesOfLinksAreWhereTheJointsPutThem) {
+  const std::string seen = R"(<visual><geometry><sphere radius="9"/></geometry></visual>)";
+  const std::string base = seen + R"(<collision><origin xyz="0 0 1"/><geometry>
+      <cylinder radius="0.5" length="4"/></geometry></collision>)";
+  const std::string beam = R"(<visual><origin xyz="1 0 0"/><geometry><box size="2 0.2 0.4"/>
+      </geometry></visual>)";
+  const std::string claw = R"(<collision><origin xyz="0 0 0" rpy="0 0 0"/><geometry>
+      <box size="0.6 0.2 0.2"/></geometry></collision>
+      <collision><origin xyz="0 0 5"/><geometry><sphere radius="0.1"/></geometry></collision>)";
+  Chain chain = read(arm(base, beam, claw), "bucket");
+  chain.world_from_root = {{100, 0, 0}, from_rpy(0, 0, 0)};
+  ASSERT_EQ(chain.movable(), std::vector<std::string>{"swing"});
+  const double quarter = std::numbers::pi / 2;
+  const std::vector<PlacedBoxes> bodies = chain.placed_bodies(std::array{quarter});
+  // The arm, the base's collision alone, the claw's two, and the finger, which follows the swing;
+  // not the wheel, which turns by a joint of its own.
+  ASSERT_EQ(bodies.size(), 5);
+  expect_box(around({bodies[0]}), {100.9, 0, -0.2}, {101.1, 2, 0.2});
+  expect_box(around({bodies[1]}), {99.5, -0.5, -1}, {100.5, 0.5, 3});
+  expect_box(around({bodies[2]}), {100.7, 1.9, -0.1}, {101.3, 2.1, 0.1});
+  expect_box(around({bodies[3]}), {100.9, 1.9, 4.9}, {101.1, 2.1, 5.1});
+  // 3 m along the claw's y, which points to -y; about it the box of a ball, turned by an eighth.
+  const double half = std::sqrt(0.5);
+  expect_box(around({bodies[4]}), {101 - half, -1 - half, -0.5}, {101 + half, -1 + half, 0.5});
+  // Where the base drives to, they follow.
+  std::vector<double> driven = {quarter};
+  Chain::add_base(driven, {{-7, 0, 0}, from_rpy(0, 0, std::numbers::pi)});
+  expect_box(around({chain.placed_bodies(driven)[0]}), {-8.1, -2, -0.2}, {-7.9, 0, 0.2});
+  EXPECT_EQ(chain.bodies->take_warning(), "");
+  EXPECT_TRUE(Chain().placed_bodies({}).empty());
+}
+
+TEST_F(Urdf, ShapesOfMeshesCoverThem) {
+  std::filesystem::create_directories(folder_ / "robot/meshes");
+  std::filesystem::create_directories(folder_ / "robot/urdf");
+  folder_.write("robot/meshes/tip.obj",
+                "v 0 0 0\nv 2000 0 0\nv 0 1000 0\nv 0 0 500\n"
+                "f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n");
+  const auto mesh = [](const std::string& file) {
+    return "<collision><geometry><mesh filename=\"" + file +
+           "\" scale=\"0.001 0.001 -0.001\"/></geometry></collision>";
+  };
+  for (const std::string& file :
+       {std::string("package://robot/meshes/tip.obj"), std::string("../meshes/tip.obj"),
+        "file://" + (folder_ / "robot/meshes/tip.obj").string()}) {
+    const auto urdf = folder_.write("robot/urdf/m.urdf", arm(mesh(file), "", ""));
+    const Chain chain = read_chain(urdf, "bucket");
+    const std::vector<PlacedBoxes> bodies = chain.placed_bodies(std::array{0.0});
+    ASSERT_EQ(bodies.size(), 2) << file << chain.bodies->take_warning();
+    expect_box(around({bodies[0]}), {0, 0, -0.5}, {2, 1, 0});
+  }
+}
+
+TEST_F(Urdf, ShapesThatCantBeReadAreSaidOnceAndTheOthersCount) {
+  const auto collision = [](const std::string& shape) {
+    return "<collision><geometry>" + shape + "</geometry></collision>";
+  };
+  const std::string good = collision(R"(<box size="1 1 1"/>)");
+  const auto warning = [&](const std::string& bad) {
+    const auto file = folder_.write("m.urdf", arm("", bad + good, ""));
+    const Chain chain = read_chain(file, "bucket");
+    EXPECT_EQ(chain.placed_bodies(std::array{0.0}).size(), 2);
+    const std::string said = chain.bodies->take_warning();
+    EXPECT_EQ(chain.bodies->take_warning(), "");
+    const std::string begin = file.string() +
+                              ": 1 shape of links can't be read, so that scans take it for ground "
+                              "(first: " +
+                              file.string() + ":1: ";
+    EXPECT_TRUE(said.starts_with(begin)) << said;
+    EXPECT_TRUE(said.ends_with(")")) << said;
+    return said.starts_with(begin) ? said.substr(begin.size(), said.size() - begin.size() - 1) : "";
+  };
+  EXPECT_EQ(warning(collision(R"(<box size="1 0 1"/>)")),
+            "link 'arm' has a size that is not more than 0");
+  EXPECT_EQ(warning(collision("<box/>")), "link 'arm' has no size=\"...\"");
+  EXPECT_EQ(warning(collision(R"(<box size="1 1"/>)")),
+            "link 'arm' has size=\"1 1\" in <box>; it must be three numbers");
+  EXPECT_EQ(warning(collision(R"(<sphere radius="-1"/>)")),
+            "link 'arm' has radius=\"-1\"; it must be more than 0");
+  EXPECT_EQ(warning(collision(R"(<cylinder radius="1"/>)")), "link 'arm' has no length=\"...\"");
+  EXPECT_EQ(warning(collision("<capsule/>")), "link 'arm' is no box, cylinder, sphere or mesh");
+  EXPECT_EQ(warning("<collision/>"), "link 'arm' has no <geometry> with a shape");
+  EXPECT_EQ(warning(collision(R"(<mesh filename="package://far/boom.stl"/>)")),
+            "link 'arm' has 'package://far/boom.stl', and no folder 'far' at or above the URDF has "
+            "that file");
+  const auto two = folder_.write("m.urdf", arm(collision(R"(<mesh filename="a.dae"/>)"),
+                                               collision(R"(<mesh filename="b.stl"/>)"), ""));
+  const Chain chain = read_chain(two, "bucket");
+  const std::string said = chain.bodies->take_warning();
+  EXPECT_TRUE(said.starts_with(two.string() +
+                               ": 2 shapes of links can't be read, so that scans take them for "
+                               "ground (first: " +
+                               (folder_ / "b.stl").string() + ": "))
+      << said;
+}
+
+/// A tube of triangles about a line, `width` wide.
+void add_tube(std::vector<std::array<Vec3, 3>>& to, const Vec3& from, const Vec3& end,
+              double width) {
+  const Vec3 side(0, width / 2, 0), up = (end - from).cross(side).normalized() * width / 2;
+  const std::array ring = {Vec3(side + up), Vec3(side - up), Vec3(-side - up), Vec3(up - side)};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vec3 &a = ring[i], &b = ring[(i + 1) % 4];
+    to.push_back({from + a, from + b, end + a});
+    to.push_back({from + b, end + b, end + a});
+  }
+}
+
+TEST(MeshBoxes, CoverEachPointOfEachTriangle) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> place(-3, 3), share(0, 1);
+  std::vector<std::array<Vec3, 3>> triangles;
+  for (int i = 0; i < 40; ++i)
+    for (Vec3& corner : triangles.emplace_back())
+      corner = {place(random), place(random) / 10, place(random)};
+  const auto boxes = boxes_about(triangles, 0.12);
+  for (const auto& [a, b, c] : triangles) {
+    for (int i = 0; i < 100; ++i) {
+      const double u = share(random), v = (1 - u) * share(random);
+      const Vec3 point = a + u * (b - a) + v * (c - a);
+      EXPECT_TRUE(std::any_of(boxes.begin(), boxes.end(), [&](const Eigen::AlignedBox3d& box) {
+        return box.exteriorDistance(point) < 1e-9;
+      })) << point.transpose();
+    }
+  }
+  EXPECT_TRUE(boxes_about({}, 0.12).empty());
+}
+
+// A boom's mesh has long triangles: they are cut, or its bend would hide all ground below it.
+TEST(MeshBoxes, LeaveTheGroundBelowABendFree) {
+  std::vector<std::array<Vec3, 3>> straight, bent;
+  add_tube(straight, {0, 0, 0}, {6, 0, 0}, 0.5);
+  add_tube(bent, {0, 0, 0}, {3, 0, 2.5}, 0.5);
+  add_tube(bent, {3, 0, 2.5}, {6, 0, 0}, 0.5);
+  EXPECT_EQ(boxes_about(straight, 0.12).size(), 1);
+  const auto boxes = boxes_about(bent, 0.12);
+  for (double x = 1.5; x <= 4.5; x += 0.1)  // 1.2 m below the beam's middle
+    for (const Eigen::AlignedBox3d& box : boxes)
+      EXPECT_GT(box.exteriorDistance(Vec3(x, 0, (3 - std::abs(x - 3)) * 2.5 / 3 - 1.2)), 0.12);
+  EXPECT_LT(boxes.size(), 40);
 }
 
 TEST_F(Urdf, LimitsFarBeyondATurnLookLikeDegrees) {

@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <random>
 
+#include "soilvdb/io/urdf.h"
 #include "tests/session/session_fixture.h"
 #include "tests/support/temp_folder.h"
 
@@ -413,6 +415,111 @@ TEST(SiteScans, SayThatAMachineIsMissing) {
   EXPECT_THAT([&] { of_one.load(in); },
               testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr(
                   "is of 2 machines, and the site has 1; with scans machines stay")));
+}
+
+/// A digger with a cab and a boom of boxes, on a plane; its bucket is far above.
+Site with_boom(bool has_shapes, const TempFolder& temp) {
+  const auto shape = [&](const char* origin, const char* size) {
+    return has_shapes ? fmt::format(
+                            "<collision><origin xyz=\"{}\" rpy=\"0 0.5 0\"/><geometry><box "
+                            "size=\"{}\"/></geometry></collision>",
+                            origin, size)
+                      : std::string();
+  };
+  const auto file = temp.write(
+      "m.urdf", "<robot name=\"m\"><link name=\"cab\">" + shape("0 0 1.2", "2 2 2") +
+                    "</link><link name=\"boom\">" + shape("2.5 0 0", "4 0.4 0.6") +
+                    "</link><link name=\"end\"/><joint name=\"lift\" type=\"continuous\"><parent "
+                    "link=\"cab\"/><child link=\"boom\"/><origin xyz=\"1 0 1.5\"/><axis xyz=\"0 -1 "
+                    "0\"/></joint><joint name=\"far\" type=\"fixed\"><parent link=\"boom\"/><child "
+                    "link=\"end\"/><origin xyz=\"0 0 40\"/></joint></robot>");
+  return Site(std::make_shared<Ground>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
+              {{{"digger", digger(), io::read_chain(file, "end")}}});
+}
+
+/// How far a place is outside a turned box, along that axis of the box where it is farthest.
+double outside(const Vec3& place, const Vec3& middle, double pitch, const Vec3& size) {
+  const double x = place.x() - middle.x(), z = place.z() - middle.z();
+  const Vec3 own(std::cos(pitch) * x - std::sin(pitch) * z, place.y() - middle.y(),
+                 std::sin(pitch) * x + std::cos(pitch) * z);
+  return (own.cwiseAbs() - size / 2).maxCoeff();
+}
+
+// A camera sees the boom before the ground: rays that end on it, or come within 12 cm, are dropped.
+TEST(ScansOfAMachine, TakeItsLinksForNoGround) {
+  const TempFolder temp;
+  const double lift = 0.4;
+  // The boom's box: 2.5 m along the boom from its joint, pitched by 0.5 on top of the lift's -0.4.
+  const auto from_boom = [&](const Vec3& place) {
+    const Vec3 middle(1 + 2.5 * std::cos(lift), 0, 1.5 + 2.5 * std::sin(lift));
+    return outside(place, middle, 0.5 - lift, {4, 0.4, 0.6});
+  };
+  const auto from_cab = [](const Vec3& place) {
+    return outside(place, {0, 0, 1.2}, 0.5, {2, 2, 2});
+  };
+  const Sensor camera{.name = "mast", .pose = {{3, -4, 5}, {1, 0, 0, 0}}, .range_sigma_m = 0.01};
+  std::vector<Vec3> points;
+  std::int64_t met = 0, unsure = 0;
+  for (double x = -2; x < 7; x += 0.1) {
+    for (double y = -3; y < 4; y += 0.1) {
+      const Vec3 way = Vec3(x, y, 0) - camera.pose.position;
+      double least = 1e9;
+      Vec3 end = camera.pose.position + way;
+      for (double t = 0; t < 1; t += 1e-3) {
+        const Vec3 place = camera.pose.position + t * way;
+        const double now = std::min(from_boom(place), from_cab(place));
+        least = std::min(least, now);
+        if (now > 0) continue;
+        end = place;
+        break;
+      }
+      points.push_back(end);
+      if (std::abs(least - 0.12) < 0.01)
+        ++unsure;
+      else if (least < 0.12)
+        ++met;
+    }
+  }
+  ASSERT_GT(met, 2 * unsure);
+  for (const bool has_shapes : {true, false}) {
+    Site site = with_boom(has_shapes, temp);
+    const std::vector<double> joints = {lift};
+    ASSERT_TRUE(site.update({.machine = 0, .joints = joints}).ok());
+    Survey survey;
+    for (int i = 0; i < 10; ++i) ASSERT_TRUE(site.scan(camera, points).ok());
+    ASSERT_TRUE(site.apply_scans(survey).ok());
+    EXPECT_EQ(site.ground().chunks().empty(), has_shapes);
+    if (!has_shapes) continue;
+    EXPECT_GE(survey.rays.masked, 10 * met);
+    EXPECT_LE(survey.rays.masked, 10 * (met + unsure));
+    EXPECT_EQ(survey.rays.used + survey.rays.masked, 10 * std::ssize(points));
+    // As the boom was when the machine's pose alone was told, nobody knows.
+    ASSERT_TRUE(site.update({.machine = 0, .pose = {{0, 0, 40}, {1, 0, 0, 0}}}).ok());
+    ASSERT_TRUE(site.scan(camera, points).ok());
+    ASSERT_TRUE(site.apply_scans(survey).ok());
+    EXPECT_EQ(survey.rays.masked, 0);
+  }
+}
+
+// A sensor on the cab is in the box about it, and yet sees the ground.
+TEST(ScansOfAMachine, MayBeginOnIt) {
+  const TempFolder temp;
+  Site site = with_boom(true, temp);
+  const std::vector<double> joints = {0.4};
+  ASSERT_TRUE(site.update({.machine = 0, .joints = joints}).ok());
+  const Sensor on_cab{.name = "cab", .pose = {{0, 0, 2.2}, {1, 0, 0, 0}}, .range_sigma_m = 0.01};
+  std::vector<Vec3> ground, housing;
+  for (int i = 0; i < 400; ++i) {
+    ground.emplace_back(-2 - 0.01 * i, 1.5 - 0.01 * i, 0);  // behind it: no boom
+    housing.emplace_back(0.1, 0.001 * i, 2.0);
+  }
+  Survey survey;
+  ASSERT_TRUE(site.scan(on_cab, ground).ok());
+  ASSERT_TRUE(site.scan(on_cab, housing).ok());
+  ASSERT_TRUE(site.apply_scans(survey).ok());
+  EXPECT_EQ(survey.rays.used, 400);
+  EXPECT_EQ(survey.rays.masked, 400);
+  EXPECT_TRUE(site.ground().chunks().empty());
 }
 
 TEST_P(SessionScans, AreBookedAndLeaveLoads) {

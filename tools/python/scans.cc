@@ -250,7 +250,7 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
           "by number or name of a machine: (mean, sigma), m, by how much its lip "
           "is told too high")
       .def_property_readonly("rays", &rays_of,
-                             "numbers of rays: used, masked (met a bucket), through (went through "
+                             "numbers of rays: used, masked (met a machine), through (went through "
                              "soil expected there), new (met new ground), dropped")
       .def(py::pickle(
           [](const SurveyValue& v) {

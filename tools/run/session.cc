@@ -324,6 +324,11 @@ StepResult Session::scan(const Sensor& sensor, std::span<const Vec3> points_m) n
     made = {Status::kFailed, e.what(), {}};
   }
   if (!made.ok()) return made;
+  for (const SiteMachine& machine : s.model().machines) {
+    if (!machine.chain || !machine.chain->bodies) continue;
+    if (std::string warning = machine.chain->bodies->take_warning(); !warning.empty())
+      s.warnings.push_back(std::move(warning));
+  }
   s.settings.floats = false;
   ++s.fed_count;
   return made;

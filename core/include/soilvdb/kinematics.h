@@ -3,6 +3,10 @@
 // The pose of the lip for a machine's joint values.
 #pragma once
 
+#include <Eigen/Geometry>
+#include <functional>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,6 +34,14 @@ struct Joint {
   bool moves_itself() const { return type != Type::kFixed && mimics.empty(); }
 };
 
+class LinkBodies;
+
+/// The boxes that cover a part of a machine, at a place.
+struct PlacedBoxes {
+  Pose world_from_boxes;
+  std::span<const Eigen::AlignedBox3d> boxes_m;  ///< at least one
+};
+
 /// A serial chain. A configuration of it has a value of each movable joint, in order: those that
 /// are neither fixed nor mimics. Of a machine that drives the pose of the root follows, as in
 /// row_of(), in place of `world_from_root`.
@@ -37,6 +49,8 @@ struct Chain {
   Pose world_from_root;       ///< its base
   std::vector<Joint> joints;  ///< root to lip link
   Pose link_from_bucket;      ///< the bucket frame in the last joint's child link
+  /// Shapes of the machine's links; null: not known.
+  std::shared_ptr<const LinkBodies> bodies = {};
 
   /// Names of the movable joints, in order.
   std::vector<std::string> movable() const;
@@ -65,6 +79,37 @@ struct Chain {
 
   /// Positions of the moving joints, from the root to the lip; world, m.
   std::vector<Vec3> joint_places(std::span<const double> values) const;
+
+  /// Where the shapes of `bodies` are. Valid as long as these.
+  std::vector<PlacedBoxes> placed_bodies(std::span<const double> values) const;
+};
+
+/// The shape of a link of a machine.
+struct LinkBody {
+  Chain link;                       ///< from the root; its bucket frame is that of the boxes
+  std::vector<std::size_t> joints;  ///< of `link`: their numbers among the machine's
+  std::vector<Eigen::AlignedBox3d> boxes_m;
+};
+
+/// Shapes of a machine's links. They are read when they are first needed, which is by a scan.
+class LinkBodies {
+ public:
+  struct Read {
+    std::vector<LinkBody> bodies = {};
+    std::string warning = {};  ///< one line about what could not be read; else empty
+  };
+  explicit LinkBodies(std::function<Read()> read) : read_(std::move(read)) {}
+  /// Thread-safe.
+  const std::vector<LinkBody>& all() const { return read().bodies; }
+  /// At its first call.
+  std::string take_warning() const;
+
+ private:
+  const Read& read() const;
+
+  std::function<Read()> read_;
+  mutable std::once_flag once_, told_;
+  mutable Read done_;
 };
 
 }  // namespace soilvdb::inline v0

@@ -13,6 +13,7 @@
 
 #include "soilvdb/bucket.h"
 #include "soilvdb/ground.h"
+#include "soilvdb/kinematics.h"
 #include "soilvdb/survey_heights.h"
 
 namespace soilvdb::inline v0 {
@@ -42,7 +43,7 @@ RangeNoise noise_of(std::string_view model);
 /// What the rays of scans were used for.
 struct RayCounts {
   std::int64_t used = 0;     ///< met the ground about where it was expected
-  std::int64_t masked = 0;   ///< met a machine's bucket
+  std::int64_t masked = 0;   ///< met a machine
   std::int64_t through = 0;  ///< went through soil that is expected there
   std::int64_t added = 0;    ///< met new ground: many of them at one height
   std::int64_t dropped = 0;  ///< met nothing that others met too, as dust, or no ground at all
@@ -105,9 +106,10 @@ class GroundSurvey {
   bool has_news() const;
   /// Takes a scan. @param points_m where its rays ended, world
   /// @param buckets poses of the machines that have one; rays that meet a bucket are not used
+  /// @param bodies other parts of machines, the same
   /// @throw std::invalid_argument for a bad sensor or point, with its number; nothing is taken
   void scan(const Sensor& sensor, std::span<const Vec3> points_m,
-            std::span<const Pose* const> buckets);
+            std::span<const Pose* const> buckets, std::span<const PlacedBoxes> bodies = {});
   /// What all scans so far say. @return changes of the ground that are worth it; the caller makes
   /// them, and calls applied()
   std::vector<SurveyChange> solve();

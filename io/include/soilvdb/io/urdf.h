@@ -12,8 +12,9 @@
 namespace soilvdb::inline v0::io {
 
 /// Reads the joints from the root link to `link`, and those that they mimic; ignores all other
-/// joints, and opens no meshes. Axes become unit vectors. `world_from_root` and `link_from_bucket`
-/// remain identity. Thread-safe.
+/// joints. Axes become unit vectors. `world_from_root` and `link_from_bucket` remain identity. Of
+/// `bodies`, whose meshes are opened when a scan needs them, are all links that these joints place.
+/// Thread-safe.
 /// @throw InputError if the file is no URDF, has a document type or entity declarations, or if the
 ///        chain has a floating or planar joint, a zero axis, or a loop.
 /// @throw std::invalid_argument naming the nearest link, if there is no such link.
