@@ -272,9 +272,6 @@ TEST(Resistance, OfTheDirectionOfTheLastUpdateStaysInClonesAndStates) {
   EXPECT_EQ(dig.resistance().cut.force, Vec3::Zero());
   dig.site.set_progress(bytes);
   EXPECT_EQ(dig.site.direction(0), ahead);
-  // States of earlier versions had no directions.
-  dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 6 * sizeof(double)));
-  EXPECT_EQ(dig.site.direction(0), Vec3::Zero());
   EXPECT_THROW(dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 8)),
                std::invalid_argument);
   ASSERT_TRUE(dig.site.place({.machine = 0, .pose = {{0, 0, 3}, lean(60)}}).ok());
