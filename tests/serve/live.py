@@ -7,6 +7,7 @@ import os
 import signal
 import struct
 import subprocess
+import time
 import urllib.error
 import urllib.request
 import zlib
@@ -41,6 +42,15 @@ def passes(machine, y, depth, states, begin=0.0):
         x = 4.0 * i / (states - 1)
         yield {"machine": machine, "time": begin + 0.01 * i,
                "position": [x, y, 0.02 * x - depth], "rotation": [0.0, 0.0, 0.0, 1.0]}
+
+
+def until(found, seconds=60):
+    """What is found, once it is true."""
+    end = time.monotonic() + seconds
+    while not (result := found()):
+        assert time.monotonic() < end
+        time.sleep(0.005)
+    return result
 
 
 class Client:

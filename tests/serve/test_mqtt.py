@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import pytest
-from live import PROGRAM, Server, passes, scenario
+from live import PROGRAM, Server, passes, scenario, until
 from test_machines import digest, machines
 from test_posts import BAD, without_time
 
@@ -225,14 +225,6 @@ def serve(path, address, folder, *more, **options):
         if str(refused).endswith(NO_MQTT):
             pytest.skip("built without libmosquitto")
         raise
-
-
-def until(found):
-    end = time.monotonic() + SECONDS
-    while not (result := found()):
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return result
 
 
 def told(server, words):

@@ -6,6 +6,7 @@ import http.client
 import json
 import math
 import re
+import signal
 import socket
 import struct
 import subprocess
@@ -16,7 +17,8 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 import soilvdb
-from live import Server, passes, scenario
+from live import Server, passes, scenario, until
+from test_disk import fill, small_disk
 
 VOXEL = 0.25
 CELL = 0.5
@@ -318,10 +320,38 @@ def test_a_survey_is_no_progress(site, tmp_path):
         assert told(server) == then
 
 
-def test_a_kill_amid_a_survey_leaves_parts_of_it_and_the_rest_follows(tmp_path):
+def has_parts(server):
+    return server.json("/summary.json")["volume_m3"].get("surveyed_added", 0) > 0
+
+
+def rough(folder):
+    """Of some hundred parts."""
     heights = np.zeros((121, 121), np.float32)
     heights[2:-2, 2:-2] = 0.3 * np.random.default_rng(1).random((117, 117))
-    data = tif(tmp_path / "m.tif", heights, crs=None, first=(-30, -30))
+    return tif(folder / "m.tif", heights, crs=None, first=(-30, -30))
+
+
+def test_all_parts_that_are_taken_are_counted_on_a_full_disk(tmp_path):
+    """So is the last, which is not on it yet."""
+    data = rough(tmp_path)
+    with small_disk(tmp_path / "disk", 3000) as disk:
+        with Server(scenario(tmp_path, "output: {journal: {sync: always}}\n"), "--out", disk / "out",
+                    cwd=tmp_path) as server:
+            assert all("error" not in answer for answer in server.feed(passes("digger", 0.0, 0.3, 20)))
+            fill(disk)
+            status, answer = post(server, data)
+            assert status == 500 and "No space left on device" in answer["error"], answer
+            said = re.search(r"; (\d+) of (\d+) parts of it are taken, the same survey", answer["error"])
+            (disk / "other").unlink()
+            until(lambda: server.json("/summary.json")["acknowledged"]["updates"] == 20 + int(said[1]))
+            taken = server.json("/summary.json")["volume_m3"]["surveyed_added"]
+            assert int(said[1]) > 0 and taken > 0
+            until(lambda: post(server, data)[0] == 200)
+            assert server.json("/summary.json")["acknowledged"]["updates"] == 20 + int(said[1]) + int(said[2])
+
+
+def test_a_kill_amid_a_survey_leaves_parts_of_it_and_the_rest_follows(tmp_path):
+    data = rough(tmp_path)
     path = scenario(tmp_path, "output: {journal: {sync: always}}\n")
     states = list(passes("digger", 0.0, 0.3, 20))
     wanted = None
@@ -336,8 +366,7 @@ def test_a_kill_amid_a_survey_leaves_parts_of_it_and_the_rest_follows(tmp_path):
                 continue
             worker = threading.Thread(target=send, args=(server, data))
             worker.start()
-            while server.json("/summary.json")["volume_m3"].get("surveyed_added", 0) == 0:
-                pass
+            until(lambda: has_parts(server))
             server.kill()
             worker.join()
         with Server(path, "--out", out, cwd=tmp_path) as server:
@@ -350,11 +379,11 @@ def test_a_kill_amid_a_survey_leaves_parts_of_it_and_the_rest_follows(tmp_path):
     raise AssertionError("it was never killed amid the survey")
 
 
-def begin_post(server, data, length=None):
-    """A connection that has sent a survey's head and these bytes of it."""
+def begin_post(server, data, length=None, path="/survey"):
+    """A connection that has sent a post's head and these bytes of it."""
     address = urlsplit(server.url)
     link = socket.create_connection((address.hostname, address.port), 60)
-    link.sendall(f"POST /survey HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {length or len(data)}\r\n\r\n"
+    link.sendall(f"POST {path} HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {length or len(data)}\r\n\r\n"
                  .encode() + data)
     return link
 
@@ -370,6 +399,7 @@ def all_of(link):
 
 def test_one_that_trickles_or_stops_gives_its_place_to_others(site, tmp_path):
     data = tif(tmp_path / "m.tif", surface())
+    padded = data + bytes(4 << 20)
     ended = threading.Event()
 
     def trickle(link):
@@ -378,16 +408,25 @@ def test_one_that_trickles_or_stops_gives_its_place_to_others(site, tmp_path):
                 return
             link.sendall(data[n:n + 1])
 
-    with Server(site, "--out", "a", cwd=tmp_path) as one, Server(site, "--out", "b", cwd=tmp_path) as other:
-        with begin_post(one, data[:100], len(data)) as trickles, begin_post(other, data[:100], len(data)) as stops:
+    with Server(site, "--out", "a", cwd=tmp_path) as one, Server(site, "--out", "b", cwd=tmp_path) as other, \
+            Server(site, "--out", "c", cwd=tmp_path, env={"TMPDIR": str(tmp_path)}) as halted:
+        with begin_post(one, data[:100], len(data)) as trickles, begin_post(other, data[:100], len(data)) as stops, \
+                begin_post(other, b"{", 100, "/feed") as feeds, begin_post(halted, padded[:-9], len(padded)) as goes_on:
             for server in (one, other):
                 assert post(server, data)[0] == 503
+            until(lambda: sum(path.stat().st_size for path in tmp_path.glob("soilvdb-survey-*/survey")) > len(data) + 4e6)
+            halted.process.send_signal(signal.SIGSTOP)   # as a computer that sleeps
             sender = threading.Thread(target=trickle, args=(trickles,))
             sender.start()
             try:
-                for link in (trickles, stops):
+                for link, words in ((trickles, "32 kB a second"), (stops, "32 kB a second"), (feeds, "within 20 s")):
                     status, answer = all_of(link)
-                    assert status == 408 and "32 kB a second" in answer["error"], answer
+                    assert status == 408 and words in answer["error"], answer
+                goes_on.sendall(padded[-9:-3])
+                halted.process.send_signal(signal.SIGCONT)
+                assert halted.get("/height?x=120&y=220")[0] == 200
+                goes_on.sendall(padded[-3:])
+                assert b" 200 " in goes_on.recv(65536).split(b"\r\n")[0], "what came meanwhile came in time"
             finally:
                 ended.set()
                 sender.join()
@@ -408,8 +447,7 @@ def test_a_kill_leaves_no_file_of_it_once_a_server_starts_again(site, tmp_path):
     first, second = (Server(site, "--out", tmp_path / name, cwd=tmp_path, env=env) for name in ("a", "b"))
     with first, second:
         with begin_post(first, data[:100], len(data)), begin_post(second, data[:100], len(data)) as other:
-            while len(left(temp)) < 3:
-                pass
+            until(lambda: len(left(temp)) == 3)
             first.kill()
             with Server(site, "--out", tmp_path / "a", cwd=tmp_path, env=env):
                 assert len(left(temp)) == 2  # that of the second server is in use
@@ -420,12 +458,9 @@ def test_a_kill_leaves_no_file_of_it_once_a_server_starts_again(site, tmp_path):
 
 
 def test_the_end_of_the_site_is_an_answer(tmp_path):
-    heights = np.zeros((121, 121), np.float32)
-    heights[2:-2, 2:-2] = 0.3 * np.random.default_rng(1).random((117, 117))
-    data = tif(tmp_path / "m.tif", heights, crs=None, first=(-30, -30))
+    data = rough(tmp_path)
     with Server(scenario(tmp_path), cwd=tmp_path) as server, begin_post(server, data) as link:
-        while server.json("/summary.json")["volume_m3"].get("surveyed_added", 0) == 0:
-            pass
+        until(lambda: has_parts(server))
         server.stop()
         status, answer = all_of(link)
         assert status == 503
@@ -453,12 +488,8 @@ def test_only_feeders_send_surveys_and_large_ones_are_refused(site, tmp_path):
             status, answer = post(server, data)
             assert status == 503 and "another survey" in answer["error"]
         assert digest(server) == hashed
-        ended = threading.Event()
-        while not ended.wait(0.01):
-            status, answer = post(server, data)
-            if status == 200:
-                ended.set()
-            else:
-                assert status == 503
+        statuses = []
+        until(lambda: statuses.append(post(server, data)[0]) or statuses[-1] != 503)
+        assert statuses[-1] == 200
         status, body = server.get("/survey")
         assert status == 405

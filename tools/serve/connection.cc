@@ -209,9 +209,21 @@ class Connection : public std::enable_shared_from_this<Connection> {
     });
   }
 
+  /// Ends reading at a time: `is_slow_`.
+  void read_until(ServerState::Clock::time_point time) {
+    stream_.expires_never();  // it would close the connection without an answer
+    is_slow_ = false;
+    slow_.expires_at(time);
+    slow_.async_wait([self = shared_from_this()](beast::error_code error) {
+      if (error || self->slow_.expiry() > ServerState::Clock::now()) return;  // bytes came as well
+      self->is_slow_ = true;
+      self->stream_.cancel();
+    });
+  }
+  void end_wait() { slow_.expires_at(ServerState::Clock::time_point::max()); }
+
   /// While enough comes: a sender that stops, or trickles, must not keep others out.
   void read_file(const std::shared_ptr<SurveyPost>& survey) {
-    stream_.expires_never();  // which would close it without an answer
     if (file_parser_->is_done()) {
       file_parser_->get().body().close();
       close_after_ = !file_parser_->get().keep_alive();
@@ -221,18 +233,13 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const auto now = ServerState::Clock::now();
     if (!file_begun_) file_begun_ = now;
     const std::chrono::seconds of_bytes(file_bytes_ / kLeastPerSecond);
-    slow_.expires_at(std::min(now, *file_begun_ + of_bytes) + kRequestTime);
-    slow_.async_wait([self = shared_from_this()](beast::error_code error) {
-      if (error) return;
-      self->is_slow_ = true;
-      self->stream_.cancel();
-    });
+    read_until(std::min(now, *file_begun_ + of_bytes) + kRequestTime);
     http::async_read_some(
         stream_, in_, *file_parser_,
         [self = shared_from_this(), survey](beast::error_code error, std::size_t bytes) {
-          self->slow_.cancel();
+          self->end_wait();
           self->file_bytes_ += bytes;
-          if (self->is_slow_)
+          if (error && self->is_slow_)
             return self->send(refusal(
                 408, fmt::format("the survey came too slowly, {} kB in {:.0f} s; send {} kB a "
                                  "second or more, without pauses of {} s",
@@ -250,12 +257,16 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void read_body(const std::string& target) {
-    stream_.expires_after(kRequestTime);
+    read_until(ServerState::Clock::now() + kRequestTime);
     http::async_read(stream_, in_, *parser_,
                      [self = shared_from_this(), target](beast::error_code error, std::size_t) {
+                       self->end_wait();
+                       if (error && self->is_slow_)
+                         return self->send(refusal(
+                             408, fmt::format("the body came too slowly; send it within {} s",
+                                              kRequestTime.count())));
                        if (error) return self->refuse(error);
                        self->close_after_ = !self->parser_->get().keep_alive();
-                       self->stream_.expires_never();
                        self->state_.post(target, std::move(self->parser_->get().body()),
                                          name_of(self->stream_.socket()),
                                          [self](Reply reply) { self->send(std::move(reply)); });
@@ -391,7 +402,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::optional<http::request_parser<http::file_body>> file_parser_;  ///< takes over for a survey
   std::optional<std::list<std::function<void()>>::iterator> waits_;
   bool asked_ = false, head_ = false, close_after_ = false;
-  net::steady_timer slow_;  ///< of a file
+  net::steady_timer slow_;  ///< of a body
   std::optional<ServerState::Clock::time_point> file_begun_;
   std::uint64_t file_bytes_ = 0;
   bool is_slow_ = false;

@@ -141,16 +141,14 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
   return answer;
 }
 
-SurveyVolumes LiveSite::survey(const SurveyHeights& heights) {
-  SurveyVolumes volumes;
+std::string LiveSite::survey(const SurveyHeights& heights, SurveyVolumes& volumes) {
   const std::uint64_t before = session_.changes();
   const StepResult step = session_.survey(heights, volumes);
   if (session_.changes() == before) throw std::runtime_error(step.why);
   ++fed_.count;
   fed_.log.note_survey();
   ++changes_of_past_;  // what was known of the ground at the latest time
-  if (!step.ok()) throw std::runtime_error(step.why);
-  return volumes;
+  return step.ok() ? "" : step.why;
 }
 
 }  // namespace soilvdb::tools

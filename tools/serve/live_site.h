@@ -88,8 +88,9 @@ class LiveSite {
   nlohmann::ordered_json scan(const ScanHead& head, const Sensor& sensor,
                               std::span<const Vec3> points_m);
   /// Gives the ground the heights of a survey, or of a part of it.
-  /// @throw std::exception with one line, and then the site is unchanged, or it is not on disk
-  SurveyVolumes survey(const SurveyHeights& heights);
+  /// @return why it is not on disk yet, empty if it will be
+  /// @throw std::exception with one line, and then the site is unchanged
+  std::string survey(const SurveyHeights& heights, SurveyVolumes& volumes);
   /// Adds, renames or retires a machine or hopper, see Session::change_list(). Without a time,
   /// hoppers come and go now.
   /// @return the list. @throw std::exception with one line

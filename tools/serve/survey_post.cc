@@ -177,11 +177,13 @@ void SurveyPost::next() {
       throw std::runtime_error("the site was moved to its first machine; send the survey again");
     if (taken_ == input_.parts.size()) return finish(session.hurry());
     const SurveyHeights& part = input_.parts[taken_];
-    const SurveyVolumes made = state_.site.survey(part);
+    SurveyVolumes made;
+    const std::string fault = state_.site.survey(part, made);
     volumes_.removed_m3 += made.removed_m3;
     volumes_.added_m3 += made.added_m3;
     volumes_.changed += made.changed;
     ++taken_;
+    if (!fault.empty()) return refuse(500, "the last part is not on disk yet: " + fault);
   } catch (const std::exception& e) {
     return refuse(500, e.what());
   }
