@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page in a browser, looking at a finished run and at a live site.
 import assert from 'node:assert/strict';
+import {once} from 'node:events';
 import fs from 'node:fs';
 import http from 'node:http';
 import path from 'node:path';
@@ -513,6 +514,18 @@ for (const [kind, sizes, touch] of [
   }, {deviceScaleFactor: 0.25, hasTouch: touch, isMobile: touch});   // coarse, because drawing takes the time
 }
 
+looking('a phone at 200 % has all controls, and its page scrolls', yard, async (page) => {
+  await scoop(page, 1.7e9, 0, 0, 0.3, kNames[3]);
+  await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
+  for (const tab of ['machines', 'measures']) {
+    await page.tap(`[data-tab=${tab}]`);
+    for (const control of await page.locator('button:visible, summary:visible, select:visible, input:visible').all()) {
+      if (await control.evaluate((e) => !e.disabled && getComputedStyle(e).pointerEvents !== 'none')) await control.tap({trial: true});
+    }
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight > innerHeight));
+  }
+}, {viewport: {width: 195, height: 422}, hasTouch: true, isMobile: true});
+
 looking('a finger draws a boundary, takes a point back and ends it', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
   await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
@@ -524,6 +537,7 @@ looking('a finger draws a boundary, takes a point back and ends it', yard, async
   assert.ok(await page.isHidden('#panel'), 'all of the picture is there to draw in');
   assert.match(await page.textContent('#hint-text'), /^Tap corners/);
   assert.ok(await page.locator('#undo').isHidden());
+  assert.ok(await page.isVisible('#legend select') && await page.isHidden('#legend summary') && await page.isHidden('#legend label'));
   const {width, height, x, y} = await page.locator('#canvas').boundingBox();
   const points = (n) => page.waitForFunction((all) => document.querySelectorAll('#marks circle').length === all, n);
   for (const [i, [u, v]] of [[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]].entries()) {
@@ -537,12 +551,23 @@ looking('a finger draws a boundary, takes a point back and ends it', yard, async
   assert.equal(query.get('boundary').split(',').length, 6);
   assert.ok(await page.locator('#undo').isHidden());
   await page.waitForSelector('#panel .card[data-kind=boundary] .cut dd');
+  assert.ok(await page.isHidden('#hint'), 'it would lie over what was drawn');
   await page.tap('#work');
   await site.settled(page);
   const [legend, picture] = await Promise.all(['#legend', '#stage'].map((part) => page.locator(part).boundingBox()));
   assert.ok(legend.height < picture.height / 3, `a legend of ${legend.height} px in a picture of ${picture.height} px`);
   await page.tap('#legend summary');
   assert.ok(await page.isVisible('#legend select'));
+  await page.touchscreen.tap(x + 0.6 * width, y + 0.2 * height);
+  assert.ok(await page.isVisible('#undo'), 'the tool goes on');
+  await page.tap('[data-tool=look]');
+  await page.tap('[data-tool=boundary]');
+  assert.ok(await page.isVisible('#hint'));
+  await page.tap('[data-tab=measures]');
+  await page.getByText('Name and keep').tap();
+  await page.setViewportSize({width: 390, height: 480});   // by a phone's keyboard
+  const [name, panel] = await Promise.all(['.edit > input', '#panel'].map((part) => page.locator(part).boundingBox()));
+  assert.ok(name.y + name.height <= panel.y + panel.height, 'a name can be seen');
 }, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
 
 looking('keys alone move the picture, measure, and read a section', yard, async (page) => {
@@ -782,6 +807,18 @@ test('without the token the page says that it wants one', options, async () => {
   }
 });
 
+/** Feeds a state, when nobody else feeds its machine any more, and breaks off without a goodbye. */
+async function breakOff(url, state) {
+  const line = Buffer.from(JSON.stringify(state));
+  const headers = {Connection: 'Upgrade', Upgrade: 'websocket', 'Sec-WebSocket-Version': '13', 'Sec-WebSocket-Key': Buffer.alloc(16).toString('base64')};
+  for (let answer = 'fed by'; answer.includes('fed by');) {
+    const [, socket, head] = await once(http.get(url, {headers}), 'upgrade');
+    socket.write(Buffer.concat([Buffer.from([0x81, 0x80 | line.length, 0, 0, 0, 0]), line]));
+    answer = String(head.length > 0 ? head : (await once(socket, 'data'))[0]);
+    socket.destroy();
+  }
+}
+
 test('alarms are shown while they last', options, async () => {
   fs.writeFileSync(path.join(work, 'edge.csv'), '-2,-2\n2,-2\n2,2\n-2,2\n');
   const server = await site.serve(...live(), '--port', '0', '--boundary', path.join(work, 'edge.csv'));
@@ -800,6 +837,12 @@ test('alarms are shown while they last', options, async () => {
     assert.ok(await page.isVisible('#alarms'));
     await go(1);
     await page.waitForFunction(() => !/outside/.test(document.getElementById('alarms').textContent));
+    const table = (words) => page.waitForFunction((text) => document.querySelector('#machines').textContent.includes(text), words);
+    await table('\u25cf working');
+    await page.evaluate(() => window.feed.close());
+    await breakOff(`${server.url.split('#')[0]}feed?token=sesame`, {machine: 'digger', position: [0, 0, 5], rotation: [0, 0, 0, 1]});
+    await table('no link');
+    await page.waitForFunction(() => /nothing is heard of it/.test(document.getElementById('alarms').textContent));
     await close();
   } finally {
     await server.stop();

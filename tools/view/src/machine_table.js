@@ -6,7 +6,7 @@ import * as format from './format.js';
 import {kMachineColors} from './machines.js';
 import * as units from './units.js';
 
-const kStates = {working: '● working', idle: '○ idle', unseen: '– not seen yet'};
+const kStates = {working: '● working', idle: '○ idle', unseen: '– not seen yet', lost: '✕ no link'};
 
 export class MachineTable {
   #rows = new Map();
@@ -43,8 +43,9 @@ export class MachineTable {
       const row = this.#rows.get(m.name);
       if (!row) continue;
       const of = row.capacity_m3, fill = m.fill ?? (of ? m.bucket_m3 / of : null);
-      setText(row.state, kStates[m.state] ?? m.state);
-      row.stateCell.className = `state-${m.state}`;
+      const word = m.link === 'lost' ? 'lost' : m.state;   // what it does then is not known
+      setText(row.state, kStates[word] ?? word);
+      row.stateCell.className = `state-${word}`;
       setText(row.load, format.volume(m.bucket_m3, 'loose'));
       row.gauge.hidden = fill === null;
       row.bar.style.width = `${Math.min(100, 100 * Math.max(0, fill ?? 0))}%`;
