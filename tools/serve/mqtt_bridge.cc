@@ -89,8 +89,9 @@ struct MqttLink {
     functions.mosquitto_threaded_set(client, true);
     functions.mosquitto_int_option(client, MOSQ_OPT_TCP_NODELAY, 1);  // answers go out at once
     if (!options.user.empty())
-      need(functions.mosquitto_username_pw_set(client, options.user.c_str(),
-                                               options.password.c_str()));
+      need(functions.mosquitto_username_pw_set(
+          client, options.user.c_str(),
+          options.password.empty() ? nullptr : options.password.c_str()));
     if (options.tls) need(functions.mosquitto_int_option(client, MOSQ_OPT_TLS_USE_OS_CERTS, 1));
     need(functions.mosquitto_will_set(client, topic("link").c_str(),
                                       static_cast<int>(kLinkLost.size()), kLinkLost.data(),
@@ -150,20 +151,19 @@ struct MqttLink {
     const std::string_view at(message->topic);
     const std::string below = topic("feed/");
     if (!at.starts_with(below) || message->retain) return;
-    std::string name(at.substr(below.size())), text;
-    if (message->payloadlen > 0)
-      text.assign(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
+    const std::size_t more = sizeof(MqttMessage) + at.size() + std::size_t(message->payloadlen);
+    const std::lock_guard lock(mutex);
+    if (bytes + more > kMostWaiting_bytes)
+      return warn("brings messages faster than they can be fed; some are lost");
+    bytes += more;
+    std::string text(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
     std::string bare = text;  // a link's strings have no blanks
     std::erase_if(bare, [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; });
     const FeedSource::Link link = bare == kLinkLost    ? FeedSource::Link::kLost
                                   : bare == kLinkEnded ? FeedSource::Link::kEnded
                                                        : FeedSource::Link::kLive;
-    const std::size_t more = sizeof(MqttMessage) + name.size() + text.size();
-    const std::lock_guard lock(mutex);
-    if (bytes + more > kMostWaiting_bytes)
-      return warn("brings messages faster than they can be fed; some are lost");
-    bytes += more;
-    messages.push_back({std::move(name), FeedLines(std::move(text)), link, more});
+    messages.push_back(
+        {std::string(at.substr(below.size())), FeedLines(std::move(text)), link, more});
     wake();
   }
   /// None while an answer waits for a slow connection.
@@ -190,7 +190,8 @@ struct MqttLink {
           warn("is there again");
       }
       if (ending) break;
-      gone = !(connected = false);
+      connected = false;
+      gone = true;
       if (code == MOSQ_ERR_CONN_LOST)
         refused = "The connection was lost; if it is after long answers, send fewer lines at once";
       warn("is tried again and again: " +
