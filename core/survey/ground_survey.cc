@@ -315,6 +315,7 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   for (const auto& [x, y] : cells) {
     std::optional<SurveyTile> own;
     const SurveyTile& tile = s.look({x, y}, own);
+    std::map<Block, BlockSums> parts_of;
     for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
       const SurveyColumn& column = tile.columns[n];
       if (std::isnan(column.top) || SurveyState::is_datum(column)) continue;
@@ -326,15 +327,18 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
         parts += inside(boundary, s.ground.origin().head<2>() + s.voxel_m() * place) ? 1 : 0;
       }
       if (parts == 0) continue;
+      const Block block = s.block_of(tile, n);
+      const BlockError error = s.error_of(block);
       const ColumnResidual residual = s.residual_of(tile, n, sees);
-      s.correct(column, residual, sees, correction);
-      s.add_volume(blocks.try_emplace(s.block_of(tile, n), s.error_count()).first->second, column,
-                   residual, correction, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts),
-                   false);
+      s.correct(column, residual, error, sees, correction);
+      s.add_volume(parts_of.try_emplace(block, s.error_count()).first->second, column, residual,
+                   error, correction, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts), false);
     }
+    for (const auto& [block, part] : parts_of)
+      blocks.try_emplace(block, s.error_count()).first->second.add(part);
   }
   SurveyState::VolumeError error(s.errors);
-  for (const auto& [block, sums] : blocks) error.add(sums);
+  for (const auto& [block, sums] : blocks) error.add(sums, s.error_of(block));
   return error.sigma_m3();
 }
 

@@ -141,7 +141,10 @@ class Rays {
         squared_(static_cast<float>(sensor.range_squared_sigma_per_m)),
         number_(number),
         h_(static_cast<float>(state.voxel_m())),
-        cells_(1 / h_) {
+        cells_(1 / h_),
+        mount_{static_cast<float>(sensor.mount_height_sigma_m * sensor.mount_height_sigma_m),
+               static_cast<float>(sensor.mount_tilt_sigma_rad * sensor.mount_tilt_sigma_rad),
+               static_cast<float>(sensor.mount_scale_sigma * sensor.mount_scale_sigma)} {
     const Vec3 at = state.ground.index_from_world(from_);
     is_near_ = at.head<2>().cwiseAbs().maxCoeff() < 2 * kMaxIndex;
     if (!is_near_) return;
@@ -173,7 +176,8 @@ class Rays {
         ++rays.dropped;
         return;
       }
-      if (ray.length > range)
+      // Else it ended before the way that is looked at comes to the ground.
+      if (ray.length - range > std::max(static_cast<float>(kThroughShortM), 3 * sigma))
         state_.through.push_back({from_, from_ + double(ray.length) * Vec3(ray.x, ray.y, ray.z),
                                   range, sigma, state_.time});
     }
@@ -252,15 +256,19 @@ class Rays {
       if (find(ray.length * ray.x, ray.length * ray.y, end)) ++end.column().blind;
       return true;
     }
-    const float residual = off * descent;
+    const float residual = off * descent, z = range * descent;
     const float error = sigma * std::abs(descent) + static_cast<float>(kScanErrorM);
-    if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_))
+    if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_) ||
+        residual * residual >=
+            9 * (error * error +
+                 static_cast<float>(state_.expected_variance(*met.slot->tile, met.i)) + mount_[0] +
+                 mount_[1] * (x * x + y * y) + mount_[2] * z * z))
       return false;
     std::int64_t r = in_units(residual, kScanUnit_m);
     if (column.top != column.first)
       r += height_units((column.top - column.first) * state_.voxel_m());
     if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
-    (*met.slot->sums)[met.i].add(weight_of(error), r, sees(x, y, range * descent));
+    (*met.slot->sums)[met.i].add(weight_of(error), r, sees(x, y, z));
     ++column.rays;
     if (find(ray.length * ray.x, ray.length * ray.y, end)) {
       SurveyColumn& own = end.column();
@@ -292,6 +300,7 @@ class Rays {
   const float constant_, squared_;  // of a ray's sigma
   const int number_;
   const float h_, cells_;
+  const std::array<float, 3> mount_;  // variances of its height, its tilts, its scale
   bool is_near_ = false;
   Coord2 first_ = {0, 0};         // column from which columns are counted
   std::array<float, 2> at_ = {};  // the sensor from its corner

@@ -13,7 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 4;
+constexpr std::uint32_t kSurveyFormat = 5;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -186,11 +186,14 @@ void take_tile(std::string_view& in, SurveyState& s, const std::vector<int>& num
 }
 
 void put_block_state(std::string& out, const SurveyState::BlockState& state) {
-  const SurveyState::Retired& sums = state.retired;
-  put(out, sums.weight, sums.residual, sums.variance);
-  for (const double value : sums.sees) put(out, value);
+  for (const BlockResidual* told : {&state.retired, &state.known}) {
+    put(out, told->weight, told->residual);
+    for (const double value : told->places) put(out, value);
+    for (const double value : told->sees) put(out, value);
+  }
   put(out, state.solved.size() > 0);
   for (const double value : state.solved) put(out, value);
+  put(out, state.solved_alike);
 }
 
 void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& tiles,
@@ -246,7 +249,8 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
 std::set<Block> told_blocks(const SurveyState& s) {
   std::set<Block> told;
   for (const auto& [block, state] : s.blocks)
-    if (state.retired.weight > 0 || state.solved.size() > 0) told.insert(block);
+    if (state.known.weight > 0 || state.retired.weight > 0 || state.solved.size() > 0)
+      told.insert(block);
   return told;
 }
 
@@ -327,18 +331,22 @@ void GroundSurvey::load(std::string_view& in) {
     }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     SurveyState::BlockState& state = s.blocks[take_block(in, origins)];
-    SurveyState::Retired& sums = state.retired;
-    for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
-    if (!(sums.weight >= 0)) refuse_survey();
     const auto take_errors = [&](bool any, Eigen::VectorXd& values) {
       values = Eigen::VectorXd::Zero(any ? s.error_count() : 0);
       if (!any) return;
       for (const Eigen::Index at : to) values[at] = take_finite(in);
     };
-    take_errors(sums.weight > 0, sums.sees);
+    for (BlockResidual* told : {&state.retired, &state.known}) {
+      told->weight = take_finite(in);
+      told->residual = take_finite(in);
+      for (double& value : told->places) value = take_finite(in);
+      if (!(told->weight >= 0)) refuse_survey();
+      take_errors(told->weight > 0, told->sees);
+    }
     bool is_solved = false;
     take(in, is_solved);
     take_errors(is_solved, state.solved);
+    state.solved_alike = take_finite(in);
   }
   s.through.clear();  // a snapshot may have scans that were applied since
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {

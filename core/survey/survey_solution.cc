@@ -46,6 +46,7 @@ void SurveyState::set_places() {
     state.sums.reset();
     widen(state.solved);
     widen(state.retired.sees);
+    widen(state.known.sees);
   }
   for (auto& [key, tile] : tiles) {
     tile.parts.clear();
@@ -90,15 +91,20 @@ Eigen::Index SurveyState::lip_of(const SurveyColumn& column) const {
   return -1;
 }
 
-double SurveyState::own_variance(const SurveyTile& tile, std::size_t i) const {
-  return tile.columns[i].variance + square(kBendFloor * tile.bends[i] * voxel_m());
+double SurveyState::expected_variance(const SurveyTile& tile, std::size_t i) const {
+  const SurveyColumn& column = tile.columns[i];
+  const Eigen::Index lip = lip_of(column);
+  return column.variance + square(kBendFloor * tile.bends[i] * voxel_m()) +
+         square(kSlopeFloorM) * tile.slopes[i].squaredNorm() +
+         (lip >= 0 ? square(lip_sigmas_m[static_cast<std::size_t>(lip)]) : 0);
 }
 
 ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
                                         Eigen::Ref<Eigen::VectorXd> sees) const {
   sees.setZero();
-  ColumnResidual all{0, 0, own_variance(tile, i)};
-  const double bend = all.variance - tile.columns[i].variance;
+  const double variance = tile.columns[i].variance;
+  const double bend = square(kBendFloor * tile.bends[i] * voxel_m());
+  ColumnResidual all{0, 0, (1 - kAlikeShare) * variance + bend, std::sqrt(kAlikeShare * variance)};
   const double rough = square(kSlopeFloorM) * tile.slopes[i].squaredNorm() + bend;
   for (const int number : by_name) {  // so that the order of their first scans does not show
     const auto sums = tile.sums.find(number);
@@ -125,13 +131,17 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
 }
 
 Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
-  const int side = block_side();
-  const auto part = [&](int at) {
-    return static_cast<int>(std::floor(static_cast<double>(at) / side));
-  };
-  const int n = static_cast<int>(i);
+  const int side = block_side(), n = static_cast<int>(i);
+  const auto part = [&](int at) { return at >= 0 ? at / side : -1 - (-1 - at) / side; };
   return {tile.columns[i].origin, part(tile.cell.x() + n / kChunkSide),
           part(tile.cell.y() + n % kChunkSide)};
+}
+
+Eigen::Vector2d SurveyState::place_in(const Block& block, const SurveyTile& tile,
+                                      std::size_t i) const {
+  const int n = static_cast<int>(i);
+  const Coord2 corner = block_side() * Coord2(block.x, block.y);
+  return (tile.cell + Coord2(n / kChunkSide, n % kChunkSide) - corner).cast<double>();
 }
 
 void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
@@ -142,15 +152,10 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   if (square(residual.residual) >
       square(kColumnGate) * (column.variance + prior().maxCoeff() + 1 / residual.weight))
     return;
-  const Block of = block_of(tile, i);
-  untold_blocks.insert(of);
-  Retired& block = blocks[of].retired;
-  if (block.sees.size() == 0) block.sees.setZero(error_count());
-  block.weight += residual.weight;
-  block.residual += residual.weight * residual.residual;
-  block.variance += residual.weight * residual.variance;
-  block.sees += residual.weight * sees;
-  if (const Eigen::Index lip = lip_of(column); lip >= 0) block.sees[lip] -= residual.weight;
+  const Block block = block_of(tile, i);
+  untold_blocks.insert(block);
+  if (const Eigen::Index lip = lip_of(column); lip >= 0) sees[lip] -= 1;
+  blocks[block].retired.add(residual, sees, place_in(block, tile, i));
 }
 
 namespace {
@@ -360,7 +365,6 @@ void SurveyState::take_votes() {
           undecided.emplace(n, std::move(votes));
         continue;
       }
-      retire(*tile, i);
       for (auto& [number, of_tile] : tile->sums) of_tile[i] = {};
       column.first += now->height / voxel_m();
       column.origin = kSurveyed;
@@ -386,6 +390,16 @@ void SurveyState::take_votes() {
   }
 }
 
+bool SurveyState::is_contested(const SurveyTile& tile, std::size_t i) {
+  const auto found = tile.votes.find(static_cast<int>(i));
+  if (found == tile.votes.end()) return false;
+  const ScanVotes& votes = found->second;
+  std::int64_t most = votes.through;
+  for (const auto& [bin, hits] : votes.hits)
+    most = std::max(most, level_at(votes, bin - 1, bin + 1).rays);
+  return most > std::max<std::int64_t>(1, votes.others);
+}
+
 bool SurveyState::is_other(const SurveyColumn& column) {
   return column.prior >= square(kChangedSigmaM);
 }
@@ -394,13 +408,21 @@ bool SurveyState::is_datum(const SurveyColumn& column) {
   return column.origin == kNatural && column.top == column.first && !is_other(column);
 }
 
+BlockError SurveyState::error_of(const Block& block) const {
+  const auto known = blocks.find(block);
+  return (known == blocks.end() ? BlockResidual{} : known->second.known).error(error_count());
+}
+
 void SurveyState::correct(const SurveyColumn& column, ColumnResidual residual,
-                          const Eigen::Ref<const Eigen::VectorXd>& sees,
+                          const BlockError& block, const Eigen::Ref<const Eigen::VectorXd>& sees,
                           CommonErrors::Correction& to) const {
-  if (column.prior >= 0) residual.variance = column.prior;
+  if (is_other(column)) {
+    residual.variance = column.prior;
+    residual.alike = 0;
+  }
   const Eigen::Index lip = lip_of(column);
   errors.correct(
-      residual, sees,
+      residual, block, sees,
       (lip >= 0 ? 1.0 : 0.0) * Eigen::VectorXd::Unit(sees.size(), std::max<Eigen::Index>(lip, 0)),
       to);
 }
@@ -410,25 +432,25 @@ double SurveyState::height_variance(const SurveyTile& tile, std::size_t i) const
   Eigen::VectorXd sees(error_count());
   const ColumnResidual residual = residual_of(tile, i, sees);
   CommonErrors::Correction correction;
-  correct(column, residual, sees, correction);
+  const BlockError block = error_of(block_of(tile, i));
+  correct(column, residual, block, sees, correction);
   const double off = voxel_m() * (column.first - column.top) + correction.mean;
-  return correction.variance(errors) + off * off;
+  return errors.variance(correction, block) + off * off;
 }
 
 void SurveyState::add_volume(BlockSums& to, const SurveyColumn& column,
-                             const ColumnResidual& residual,
+                             const ColumnResidual& residual, const BlockError& block,
                              const CommonErrors::Correction& correction, double area_m2,
                              bool is_corrected) const {
-  const double by_errors = correction.on.dot(errors.mean());
-  const double off = is_corrected
-                         ? by_errors
-                         : voxel_m() * (column.first - column.top) + correction.mean + by_errors;
+  double off = correction.on.dot(errors.mean()) + correction.alike * errors.mean_of(block);
+  if (!is_corrected) off += voxel_m() * (column.first - column.top) + correction.mean;
   const double own = area_m2 * std::sqrt(correction.own);
   const double seen = residual.weight * correction.own;  // share that measurements have in it
   // What scans found to be another height errs by itself.
-  const bool alone = column.origin == kSurveyed && is_other(column);
+  const bool alone = is_other(column);
   to.apart += square(own) * (alone ? 1 : seen);
-  if (!alone) to.alike_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
+  if (!alone) to.near_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
+  to.alike_m3 += area_m2 * correction.alike;
   to.volume_on += area_m2 * correction.on;
   to.off_m3 += area_m2 * off;
 }
@@ -450,19 +472,11 @@ std::vector<SurveyTile*> SurveyState::tiles_of(const Block& block) {
 
 CommonErrors SurveyState::estimate() const {
   CommonErrors all(prior());
-  Eigen::VectorXd sees(error_count());
   for (const auto& [block, state] : blocks) {
-    ColumnResidual sum{state.retired.residual, state.retired.weight, state.retired.variance};
-    sees.setZero();
-    if (state.retired.sees.size() > 0) sees = state.retired.sees;
-    if (state.sums) {
-      sum.weight += state.sums->weight;
-      sum.residual += state.sums->residual;
-      sum.variance += state.sums->variance;
-      sees += state.sums->sees;
-    }
-    if (sum.weight <= 0) continue;
-    all.add({sum.residual / sum.weight, sum.weight, sum.variance / sum.weight}, sees / sum.weight);
+    const BlockResidual told = state.told();
+    // A part of a block hangs together with what is beside it: the errors of blocks that are cut
+    // in parts, by a trench or an edge of the view, are fewer than the parts.
+    if (told.weight > 0) all.add(told, 1 / std::sqrt(told.extent(block_side())));
   }
   all.solve();
   return all;
@@ -472,6 +486,8 @@ class SurveyState::SeenColumns {
  public:
   SeenColumns(SurveyState& state, const Tiles& tiles)
       : state_(state), errors_(state.error_count()) {
+    columns_.reserve(tiles.size() * BaseColumn::kCells);
+    sees_.reserve(columns_.capacity() * static_cast<std::size_t>(errors_));
     for (const auto& cell : tiles) add(state.marked(cell));
     own_tiles_ = tiles_.size();
     own_ = columns_.size();
@@ -480,7 +496,10 @@ class SurveyState::SeenColumns {
   /// What the columns say of the common errors; also what these do to their corrections; also the
   /// errors of their volumes.
   enum class Sums { kErrors, kCorrections, kVolumes };
-  void sum_up(Sums what) { sum_blocks(sum_columns(what)); }
+  void sum_up(Sums what) {
+    for (std::size_t n = 0; n < own_tiles_; ++n) tiles_[n].is_summed = false;
+    sum_blocks(sum_columns(what));
+  }
 
   /// Finds the common errors, and the columns that are off by more than these explain.
   void find_others() {
@@ -488,18 +507,22 @@ class SurveyState::SeenColumns {
     sum_up(Sums::kErrors);
     state_.errors = state_.estimate();
     look_beside();
+    std::vector<double> off(columns_.size());
     for (int round = 0; round < kGateRounds; ++round) {
-      std::vector<double> off(columns_.size());
+      const Eigen::VectorXd& mean = state_.errors.mean();
       for (std::size_t n = 0; n < columns_.size(); ++n) {
-        const Eigen::VectorXd& mean = state_.errors.mean();
         const Column& c = columns_[n];
         off[n] = c.residual.residual - sees(n).dot(mean) + (c.lip >= 0 ? mean[c.lip] : 0);
       }
       for (std::size_t t = 0; t < own_tiles_; ++t)
-        for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) judge(tiles_[t], n, off);
-      sum_up(round + 1 < kGateRounds ? Sums::kErrors : Sums::kCorrections);
+        if (judge(tiles_[t], off)) tiles_[t].is_summed = false;
+      const std::set<Block> changed = sum_columns(Sums::kErrors);
+      if (changed.empty()) break;
+      sum_blocks(changed);
       state_.errors = state_.estimate();
     }
+    for (std::size_t t = 0; t < own_tiles_; ++t) judge_unseen(tiles_[t]);
+    sum_up(Sums::kCorrections);
   }
 
   /// Corrections that are worth it.
@@ -509,13 +532,15 @@ class SurveyState::SeenColumns {
     for (std::size_t n = 0; n < own_; ++n) {
       Column& c = columns_[n];
       const SurveyColumn& column = c.column();
-      state_.correct(column, c.residual, sees(n), correction_);
+      const BlockError& block = error_of(c.block);
+      state_.correct(column, c.residual, block, sees(n), correction_);
       const double off = h * (column.first - column.top) + correction_.mean;
       if (!(std::abs(off) >= kLeastCorrection * h) || !std::isfinite(off)) continue;
       double sigmas =
           column.origin == kNatural && !is_other(column) ? kNaturalSigmas : kMovedSigmas;
-      if (c.residual.weight <= 0) sigmas = 0;  // the soil that rays passed through is surely gone
-      if (std::abs(off) < sigmas * std::sqrt(correction_.variance(state_.errors))) continue;
+      if (c.is_surveyed() && c.residual.weight <= 0)
+        sigmas = 0;  // the soil that rays passed through is surely gone
+      if (std::abs(off) < sigmas * std::sqrt(state_.errors.variance(correction_, block))) continue;
       const int at = static_cast<int>(c.i);
       made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
                       std::llround(off / h * kSamplesOfCell), c.tile->slopes[c.i]});
@@ -530,15 +555,18 @@ class SurveyState::SeenColumns {
     std::size_t i;
     ColumnResidual residual;
     Eigen::Index lip;  // as of lip_of()
+    Block block;
+    bool is_other = false;
     bool is_corrected = false;
 
     SurveyColumn& column() const { return tile->columns[i]; }
-    bool is_surveyed() const { return column().origin == kSurveyed; }
+    bool is_surveyed() const { return block.origin == kSurveyed; }
   };
   static constexpr int kReach = 2, kWindow = kChunkSide + 2 * kReach;  // columns
   struct OfTile {
     SurveyTile* tile;
     std::size_t first, last;                           // its columns
+    bool is_summed = false;                            // its parts are of its columns as they are
     std::array<int, BaseColumn::kCells> numbers = {};  // of its columns; -1: not seen
     std::array<int, kWindow* kWindow> about = {};      // the same, and of those beside it
   };
@@ -547,62 +575,99 @@ class SurveyState::SeenColumns {
     return {sees_.data() + n * static_cast<std::size_t>(errors_), errors_};
   }
 
-  /// @return the blocks of which tiles' parts changed
+  /// Of tiles that are not summed. @return the blocks of which their parts changed
   std::set<Block> sum_columns(Sums what) {
     std::set<Block> changed;
     for (std::size_t t = 0; t < own_tiles_; ++t) {
+      if (std::exchange(tiles_[t].is_summed, true)) continue;
       std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
       for (const auto& [block, part] : parts) changed.insert(block);
       parts.clear();
+      std::pair<const Block, BlockSums>* at = nullptr;
+      const BlockError* error = nullptr;
       for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) {
         const Column& c = columns_[n];
-        const Block block = state_.block_of(*c.tile, c.i);
-        BlockSums& part = parts.try_emplace(block, errors_).first->second;
+        if (at == nullptr || at->first != c.block) {
+          at = &*parts.try_emplace(c.block, errors_).first;
+          if (what != Sums::kErrors) error = &error_of(c.block);
+        }
+        BlockSums& part = at->second;
         if (!is_other(c.column()) && c.residual.weight > 0) {
-          part.weight += c.residual.weight;
-          part.residual += c.residual.weight * c.residual.residual;
-          part.variance += c.residual.weight * c.residual.variance;
-          part.sees += c.residual.weight * sees(n);
-          if (c.lip >= 0) part.sees[c.lip] -= c.residual.weight;
+          told_ = sees(n);
+          if (c.lip >= 0) told_[c.lip] -= 1;
+          part.told.add(c.residual, told_, state_.place_in(c.block, *c.tile, c.i));
         }
         ++part.columns;
         if (what == Sums::kErrors) continue;
-        state_.correct(c.column(), c.residual, sees(n), correction_);
+        state_.correct(c.column(), c.residual, *error, sees(n), correction_);
         part.on += correction_.on;
+        part.alike += correction_.alike;
         if (what == Sums::kVolumes && (c.is_corrected || !is_datum(c.column())))
-          state_.add_volume(part, c.column(), c.residual, correction_, square(state_.voxel_m()),
-                            c.is_corrected);
+          state_.add_volume(part, c.column(), c.residual, *error, correction_,
+                            square(state_.voxel_m()), c.is_corrected);
       }
       for (const auto& [block, part] : parts) changed.insert(block);
     }
     return changed;
   }
 
+  /// What is known of a block by the sums that it has.
+  const BlockError& error_of(const Block& block) {
+    const auto known = block_errors_.find(block);
+    if (known != block_errors_.end()) return known->second;
+    return block_errors_.emplace(block, state_.error_of(block)).first->second;
+  }
+
   void sum_blocks(const std::set<Block>& changed) {
+    block_errors_.clear();
     for (const Block& block : changed) {
-      std::optional<BlockSums>& sums = state_.blocks[block].sums;
+      BlockState& of = state_.blocks[block];
+      std::optional<BlockSums>& sums = of.sums;
       sums.reset();
       for (const SurveyTile* tile : state_.tiles_of(block))
         if (const auto part = tile->parts.find(block); part != tile->parts.end()) {
           if (!sums) sums.emplace(errors_);
           sums->add(part->second);
         }
+      of.known = of.told();
+      state_.untold_blocks.insert(block);
     }
   }
 
   void add(SurveyTile& tile) {
     OfTile& of = tiles_.emplace_back(OfTile{&tile, columns_.size(), 0});
     of.numbers.fill(-1);
+    std::vector<std::size_t> unseen;
+    std::vector<Block> seen;
+    const auto add_column = [&](std::size_t i, const ColumnResidual& residual, const Block& block) {
+      of.numbers[i] = static_cast<int>(columns_.size());
+      const SurveyColumn& column = tile.columns[i];
+      columns_.push_back({&tile, i, residual, state_.lip_of(column), block, is_other(column)});
+    };
+    const auto next = [&](std::size_t i) {
+      sees_.resize((columns_.size() + 1) * static_cast<std::size_t>(errors_));
+      return state_.residual_of(tile, i, sees(columns_.size()));
+    };
     for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
       const SurveyColumn& column = tile.columns[i];
       if (std::isnan(column.top)) continue;
-      const std::size_t n = columns_.size();
-      sees_.resize((n + 1) * static_cast<std::size_t>(errors_));
-      const ColumnResidual residual = state_.residual_of(tile, i, sees(n));
+      const ColumnResidual residual = next(i);
       const bool is_told = column.origin == kSurveyed && column.first != column.top;
-      if (residual.weight <= 0 && !is_told) continue;
-      of.numbers[i] = static_cast<int>(n);
-      columns_.push_back({&tile, i, residual, state_.lip_of(column)});
+      if (residual.weight > 0 || is_told) {
+        const Block block = state_.block_of(tile, i);
+        if (column.origin != kSurveyed && (seen.empty() || seen.back() != block))
+          seen.push_back(block);
+        add_column(i, residual, block);
+      } else if (column.origin != kSurveyed) {
+        unseen.push_back(i);
+      }
+    }
+    // A lidar's rings leave columns between them, whose errors are alike.
+    for (const std::size_t i : unseen) {
+      const bool is_wall = tile.slopes[i].squaredNorm() >= square(kScanWallSlope);
+      const Block block = state_.block_of(tile, i);
+      const bool is_between = !is_wall && std::find(seen.begin(), seen.end(), block) != seen.end();
+      if (is_between || is_contested(tile, i)) add_column(i, next(i), block);
     }
     of.last = columns_.size();
   }
@@ -632,29 +697,84 @@ class SurveyState::SeenColumns {
     }
   }
 
-  void tell(const Column& c, bool is_other) {
-    c.column().prior = is_other ? square(kChangedSigmaM) : c.residual.variance;
+  void tell(Column& c, bool is_other) {
+    c.is_other = is_other;
+    c.column().prior = is_other ? square(kChangedSigmaM) : c.residual.whole_variance();
   }
 
-  /// Is a column other than errors explain, by itself or with those about it?
-  void judge(const OfTile& of, std::size_t n, const std::vector<double>& off) {
-    const Column& c = columns_[n];
-    if (c.is_surveyed() || c.residual.weight <= 0) return;
-    double weight = 0, sum = 0;
-    const int at = static_cast<int>(c.i), x = at / kChunkSide, y = at % kChunkSide;
-    for (int u = x; u <= x + 2 * kReach; ++u) {
-      for (int v = y; v <= y + 2 * kReach; ++v) {
-        const int other = of.about[static_cast<std::size_t>(u * kWindow + v)];
-        if (other < 0) continue;
-        const Column& near = columns_[static_cast<std::size_t>(other)];
-        if (near.column().origin != c.column().origin || near.residual.weight <= 0) continue;
-        weight += near.residual.weight;
-        sum += near.residual.weight * off[static_cast<std::size_t>(other)];
+  /// Sums over the columns within kReach of each of a tile's.
+  static std::array<double, BaseColumn::kCells> sums_about(
+      const std::array<double, kWindow * kWindow>& values) {
+    constexpr std::size_t kSide = kChunkSide, kAll = kWindow, kNear = 2 * kReach;
+    std::array<double, kSide * kAll> rows;
+    for (std::size_t x = 0; x < kSide; ++x) {
+      for (std::size_t y = 0; y < kAll; ++y) {
+        double sum = 0;
+        for (std::size_t u = x; u <= x + kNear; ++u) sum += values[u * kAll + y];
+        rows[x * kAll + y] = sum;
       }
     }
-    const double variance = c.residual.variance;
-    tell(c, std::abs(sum / weight) > kPooledGate * std::sqrt(variance + 1 / weight) ||
-                std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
+    std::array<double, BaseColumn::kCells> sums;
+    for (std::size_t x = 0; x < kSide; ++x) {
+      for (std::size_t y = 0; y < kSide; ++y) {
+        double sum = 0;
+        for (std::size_t v = y; v <= y + kNear; ++v) sum += rows[x * kAll + v];
+        sums[x * kSide + y] = sum;
+      }
+    }
+    return sums;
+  }
+
+  /// Are columns that rays met other than errors explain, by themselves or with those about them?
+  /// @return whether that of some changed
+  bool judge(const OfTile& of, const std::vector<double>& off) {
+    bool any = false;
+    std::array<bool, BaseColumn::kCells> known = {};  // those of an origin that was looked at
+    for (std::size_t first = of.first; first < of.last; ++first) {
+      const std::uint16_t origin = columns_[first].block.origin;
+      if (origin == kSurveyed || known[columns_[first].i]) continue;
+      std::array<double, kWindow*kWindow> weights = {}, residuals = {};
+      for (std::size_t k = 0; k < of.about.size(); ++k) {
+        if (of.about[k] < 0) continue;
+        const auto n = static_cast<std::size_t>(of.about[k]);
+        if (columns_[n].block.origin != origin) continue;
+        weights[k] = columns_[n].residual.weight;
+        residuals[k] = weights[k] * off[n];
+      }
+      const auto weight = sums_about(weights), residual = sums_about(residuals);
+      for (std::size_t n = first; n < of.last; ++n) {
+        Column& c = columns_[n];
+        if (c.block.origin != origin) continue;
+        known[c.i] = true;
+        if (c.residual.weight <= 0) continue;
+        const double variance = c.residual.whole_variance(), about = weight[c.i];
+        const bool was_other = c.is_other;
+        tell(c, std::abs(residual[c.i] / about) > kPooledGate * std::sqrt(variance + 1 / about) ||
+                    std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
+        any = any || was_other != c.is_other;
+      }
+    }
+    return any;
+  }
+
+  /// Of columns that no ray met as expected: do rays, or most columns about one, say that it is
+  /// another?
+  void judge_unseen(const OfTile& of) {
+    std::optional<std::array<double, BaseColumn::kCells>> others;  // less those as expected
+    for (std::size_t n = of.first; n < of.last; ++n) {
+      Column& c = columns_[n];
+      if (c.residual.weight > 0 || c.is_surveyed()) continue;
+      if (!others) {
+        std::array<double, kWindow* kWindow> about = {};
+        for (std::size_t k = 0; k < about.size(); ++k) {
+          if (of.about[k] < 0) continue;
+          const Column& near = columns_[static_cast<std::size_t>(of.about[k])];
+          if (near.residual.weight > 0) about[k] = near.is_other ? 1 : -1;
+        }
+        others = sums_about(about);
+      }
+      tell(c, (*others)[c.i] > 0 || is_contested(*c.tile, c.i));
+    }
   }
 
   SurveyState& state_;
@@ -664,13 +784,18 @@ class SurveyState::SeenColumns {
   std::vector<OfTile> tiles_;
   std::size_t own_tiles_ = 0, own_ = 0;  // those beside stand behind
   CommonErrors::Correction correction_;
+  Eigen::VectorXd told_;
+  std::map<Block, BlockError> block_errors_;
 };
 
 SurveyState::Tiles SurveyState::moved() {
   Tiles found;
   for (const auto& [block, state] : blocks) {
     if (!state.sums || state.sums->columns == 0 || state.solved.size() == 0) continue;
-    const double by = state.sums->on.dot(errors.mean() - state.solved) / state.sums->columns;
+    const double alike = errors.mean_of(error_of(block)) - state.solved_alike;
+    const double by =
+        (state.sums->on.dot(errors.mean() - state.solved) + state.sums->alike * alike) /
+        state.sums->columns;
     if (std::abs(by) < kLeastCorrection / 2 * voxel_m()) continue;
     for (const SurveyTile* tile : tiles_of(block)) found.insert(mark(tile->cell));
   }
@@ -710,11 +835,12 @@ std::vector<SurveyChange> SurveyState::solve() {
     });
     if (solved.size() > 0 && !all) continue;  // some of its columns were corrected before
     solved = errors.mean();
+    blocks[block].solved_alike = errors.mean_of(error_of(block));
     untold_blocks.insert(block);
   }
   VolumeError error(errors);
   for (const auto& [block, state] : blocks)
-    if (state.sums) error.add(*state.sums);
+    if (state.sums) error.add(*state.sums, error_of(block));
   sigma_m3 = error.sigma_m3();
   untold.insert(now.begin(), now.end());
   news.clear();

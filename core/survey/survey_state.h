@@ -27,19 +27,25 @@ inline constexpr double kScanUnit_m = 1e-5, kScanLever_m = 1e-3;
 /// Of a sensor: height, tilts, scale.
 inline constexpr int kOfSensor = 4;
 
+/// Share of the variance of a column's own error that is alike in its block.
+inline constexpr double kAlikeShare = 0.5;
+
 /// What is known, apart from the ground.
 struct SurveyRecord {
   using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
-  /// Columns of which the ground has changed, that may say something of the common errors.
-  struct Retired {
-    double weight = 0, residual = 0, variance = 0;  // sums of w, w r, w s^2
-    Eigen::VectorXd sees = {};                      // of w (a - b); empty: none
-  };
   struct BlockState {
-    Retired retired = {};
+    BlockResidual retired = {};          // of columns of which the ground has changed since
     std::optional<BlockSums> sums = {};  // of its tiles' parts, if it has some
-    /// The common errors since which its columns were corrected; empty: none was yet.
+    BlockResidual known = {};            // by both, as last summed up
+    /// The errors since which its columns were corrected; empty: none was yet.
     Eigen::VectorXd solved = {};
+    double solved_alike = 0;  // what was alike in it then
+
+    BlockResidual told() const {
+      BlockResidual all = retired;
+      if (sums) all.add(sums->told);
+      return all;
+    }
   };
   std::vector<Bucket> buckets;
   std::vector<double> lip_sigmas_m;  // of machines, then of a tool that is not known
@@ -119,8 +125,9 @@ struct SurveyState : SurveyRecord {
   void add_rays(const Sensor& sensor, int number, const ScanRays& ends);
 
   // survey_solution.cc
-  /// Variance of a column's own height, before any scan, m^2.
-  double own_variance(const SurveyTile& tile, std::size_t i) const;
+  /// Variance of a column's height before any scan, with its lip's, and with what its slope and
+  /// its bend let rays err, m^2.
+  double expected_variance(const SurveyTile& tile, std::size_t i) const;
   /// A column as one residual. @param sees a, of all sensors
   ColumnResidual residual_of(const SurveyTile& tile, std::size_t i,
                              Eigen::Ref<Eigen::VectorXd> sees) const;
@@ -136,11 +143,14 @@ struct SurveyState : SurveyRecord {
   void set_places();
   /// Makes room for errors that came. @param to the new numbers of those that were
   void widen_errors(const std::vector<Eigen::Index>& to);
-  /// A column's correction by what it and the common errors are known to be.
-  void correct(const SurveyColumn& column, ColumnResidual residual,
+  /// A column's correction by what it and the errors that it shares are known to be.
+  void correct(const SurveyColumn& column, ColumnResidual residual, const BlockError& block,
                const Eigen::Ref<const Eigen::VectorXd>& sees, CommonErrors::Correction& to) const;
+  BlockError error_of(const Block& block) const;
   /// Variance of a column's height, m^2.
   double height_variance(const SurveyTile& tile, std::size_t i) const;
+  /// Do more rays say that a column is another than that it is as expected, if too few to say how?
+  static bool is_contested(const SurveyTile& tile, std::size_t i);
   /// Do scans say that a column is other than its errors explain?
   static bool is_other(const SurveyColumn& column);
   /// Is a column as the terrain, and nothing speaks against that?
@@ -163,6 +173,8 @@ struct SurveyState : SurveyRecord {
     return std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
   }
   Block block_of(const SurveyTile& tile, std::size_t i) const;
+  /// A column's place from its block's corner.
+  Eigen::Vector2d place_in(const Block& block, const SurveyTile& tile, std::size_t i) const;
   /// The tiles that a block reaches into, by their cells.
   std::vector<SurveyTile*> tiles_of(const Block& block);
   /// Columns of some tiles that scans told something of.
@@ -172,17 +184,17 @@ struct SurveyState : SurveyRecord {
   Tiles moved();
   /// Adds an area of a column to the error of a volume. @param correction as correct() has it
   void add_volume(BlockSums& to, const SurveyColumn& column, const ColumnResidual& residual,
-                  const CommonErrors::Correction& correction, double area_m2,
-                  bool is_corrected) const;
+                  const BlockError& block, const CommonErrors::Correction& correction,
+                  double area_m2, bool is_corrected) const;
   /// Sigma of the volume of all columns that were added. Each block at most once.
   class VolumeError {
    public:
     explicit VolumeError(const CommonErrors& errors)
         : errors_(errors), on_(Eigen::VectorXd::Zero(errors.mean().size())) {}
-    void add(const BlockSums& block) {
-      on_ += block.volume_on;
-      off_m3_ += block.off_m3;
-      variance_ += block.apart + block.alike_m3 * block.alike_m3;
+    void add(const BlockSums& sums, const BlockError& block) {
+      on_ += sums.volume_on + sums.alike_m3 * block.on;
+      off_m3_ += sums.off_m3 - sums.alike_m3 * block.mean;
+      variance_ += sums.apart + sums.alike_m3 * sums.alike_m3 * block.variance;
     }
     double sigma_m3() const;
 

@@ -11,6 +11,7 @@
 #include <map>
 
 #include "core/ground/base_columns.h"
+#include "core/survey/common_errors.h"
 #include "soilvdb/types.h"
 
 namespace soilvdb::inline v0 {
@@ -108,28 +109,26 @@ struct Block {
 
 /// What columns of a block say.
 struct BlockSums {
-  explicit BlockSums(Eigen::Index errors)
-      : sees(Eigen::VectorXd::Zero(errors)), on(sees), volume_on(sees) {}
+  explicit BlockSums(Eigen::Index errors) : on(Eigen::VectorXd::Zero(errors)), volume_on(on) {}
 
-  double weight = 0, residual = 0, variance = 0;  ///< sums of w, w r, w s^2
-  Eigen::VectorXd sees;                           ///< sum of w (a - b)
-  double columns = 0;                             ///< that scans saw
+  BlockResidual told;
+  double columns = 0;         ///< that scans saw
   Eigen::VectorXd on;         ///< how their corrections depend on the common errors: sum
+  double alike = 0;           ///< and on what errs alike in the block
   double off_m3 = 0;          ///< error of their volume, were there no common errors
   Eigen::VectorXd volume_on;  ///< how that depends on the common errors, m^2
+  double alike_m3 = 0;        ///< and on what errs alike in the block
   double apart = 0;           ///< variance of what errs column by column, m^6
-  double alike_m3 = 0;        ///< sigma of what errs alike in the block
+  double near_m3 = 0;         ///< sigma of what else errs alike in a tile
 
   void add(const BlockSums& other) {
-    weight += other.weight;
-    residual += other.residual;
-    variance += other.variance;
-    sees += other.sees;
+    told.add(other.told);
     columns += other.columns;
     on += other.on;
+    alike += other.alike;
     off_m3 += other.off_m3;
     volume_on += other.volume_on;
-    apart += other.apart;
+    apart += other.apart + other.near_m3 * other.near_m3;
     alike_m3 += other.alike_m3;
   }
 };

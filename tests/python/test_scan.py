@@ -133,7 +133,8 @@ def test_the_ledger_closes_with_what_was_surveyed(scene):
     ledger, volume, was = site.ledger(), site.volume(AROUND), site.change_m3()
     survey = applied(site, scans)
     net = survey.added_m3 - survey.removed_m3
-    assert net < 0, "the trench is deeper than the machine reported"
+    if scene.soil is None:
+        assert net < 0, "the trench is deeper than the machine reported"
     assert site.change_m3() - was == pytest.approx(net, abs=SAMPLE_M3 / 2)
     after = site.volume(AROUND)
     assert after.net_m3 - volume.net_m3 == pytest.approx(net, abs=SAMPLE_M3 / 2)
@@ -549,11 +550,12 @@ def told_too_high(deeper=0.16, site=None):
 def test_scans_after_a_correction_confirm_it():
     site = told_too_high()
     first = floor_told(site, -0.2, range(4))
-    middle = [(1.0, 0.0), (0.5, 0.2), (1.5, -0.2)]
+    middle, seen = [(1.0, 0.0), (0.5, 0.2), (1.5, -0.2)], [(0, -.5), (1.9, -.5), (1.9, .5), (0, .5)]
     assert site.heights(middle) == pytest.approx(-0.2, abs=0.006)
+    net = site.volume(seen).net_m3
     again = floor_told(site, -0.2, range(10, 14))
     assert site.heights(middle) == pytest.approx(-0.2, abs=0.006)
-    assert again.removed_m3 + again.added_m3 < 0.1 * first.removed_m3
+    assert abs(site.volume(seen).net_m3 - net) < 0.02 * first.removed_m3
     mean, sigma = first.lip_error[0]
     assert again.lip_error[0][0] == pytest.approx(mean, abs=sigma)
 
