@@ -812,6 +812,12 @@ std::vector<SurveyChange> SurveyState::solve() {
   std::set_difference(unsummed.begin(), unsummed.end(), now.begin(), now.end(),
                       std::inserter(others, others.end()));
   SeenColumns(*this, others).sum_up(SeenColumns::Sums::kVolumes);
+  for (auto& [block, state] : blocks) {  // also of columns that have changed since a scan
+    BlockResidual told = state.told();
+    if (told.weight == state.known.weight && told.residual == state.known.residual) continue;
+    state.known = std::move(told);
+    untold_blocks.insert(block);
+  }
   std::optional<SeenColumns> seen(std::in_place, *this, now);
   seen->find_others();
   const std::size_t count = now.size();
