@@ -491,9 +491,9 @@ std::vector<Estimate> Site::lip_errors_m() const {
 }
 
 // Looking must not begin a survey: what it then knows of who digs would depend on who looks.
-void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
+void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen) {
   const auto none_yet = survey_ ? nullptr : new_survey();
-  (survey_ ? *survey_ : *none_yet).sigmas(xy_m, sigmas_m);
+  (survey_ ? *survey_ : *none_yet).sigmas(xy_m, sigmas_m, seen);
 }
 
 double Site::volume_sigma_m3(const std::vector<Vec2>& boundary) {

@@ -279,18 +279,27 @@ std::vector<Estimate> GroundSurvey::lip_errors_m() const {
   return lips;
 }
 
-void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
+void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m,
+                          std::span<double> seen) {
   SurveyState& s = *state_;
   s.map.reader().refresh();
+  std::fill(seen.begin(), seen.end(), HeightReader::kNoGround);
+  std::optional<SurveyTile> own;
+  const SurveyTile* tile = nullptr;
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
     const Vec2 at = (xy_m[i] - s.ground.origin().head<2>()) / s.voxel_m();
     sigmas_m[i] = HeightReader::kNoGround;
     if (!at.allFinite() || !(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
-    const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-    std::optional<SurveyTile> own;
-    const SurveyTile& tile = s.look(floor_to(cell, kChunkSide), own);
+    const Coord2 cell(cell_of(at.x()), cell_of(at.y())), low = floor_to(cell, kChunkSide);
+    if (tile == nullptr || tile->cell != low) tile = &s.look(low, own);
     const std::size_t n = SurveyState::number_of(cell);
-    if (!std::isnan(tile.columns[n].top)) sigmas_m[i] = std::sqrt(s.height_variance(tile, n));
+    const SurveyColumn& column = tile->columns[n];
+    if (std::isnan(column.top)) continue;
+    sigmas_m[i] = std::sqrt(s.height_variance(*tile, n));
+    if (seen.empty()) continue;
+    seen[i] = column.origin == kSurveyed ||
+              std::any_of(tile->sums.begin(), tile->sums.end(),
+                          [&](const auto& sums) { return sums.second[n].rays > 0; });
   }
 }
 

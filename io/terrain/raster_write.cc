@@ -82,7 +82,7 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
     const GDALRasterBandH band = gdal().GDALGetRasterBand(dataset.get(), static_cast<int>(b) + 1);
     gdal().GDALSetDescription(band, bands[b].name.c_str());
     require(gdal().GDALSetRasterNoDataValue(band, kNoData) == CE_None);
-    require(gdal().GDALSetRasterUnitType(band, "metre") == CE_None);
+    require(gdal().GDALSetRasterUnitType(band, bands[b].unit.c_str()) == CE_None);
     require(gdal().GDALRasterIO(band, GF_Write, 0, 0, grid.nx, grid.ny, rows.data(), grid.nx,
                                 grid.ny, GDT_Float32, 0, 0) == CE_None);
   }

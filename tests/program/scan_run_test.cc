@@ -6,6 +6,7 @@
 #include <random>
 
 #include "soilvdb/height_map.h"
+#include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/io/snapshot.h"
 #include "tests/program/resume_fixture.h"
@@ -62,6 +63,58 @@ class ScanRun : public Resume {
     EXPECT_FALSE(fs::exists(out()));
   }
 };
+
+// The raster of a run with scans says how well each height is known, and what was seen.
+TEST_F(ScanRun, WritesSigmasAndWhatWasSeen) {
+  write(kScans);
+  std::string scenario = read_file(folder() / "dig.yaml");
+  scenario.replace(scenario.find("mesh: ply"), 9, "raster: {cell: 0.05}");
+  write_file(folder() / "dig.yaml", scenario);
+  good("run dig.yaml");
+  if (shell("gdal_translate -q -b 3 out/dig/soil_final.tif sigma.tif").status != 0)
+    GTEST_SKIP() << "no gdal_translate";
+  ASSERT_EQ(shell("gdal_translate -q -b 4 out/dig/soil_final.tif surveyed.tif").status, 0);
+  const std::string about = shell("gdalinfo out/dig/soil_final.tif").out;
+  for (const char* words : {"Description = sigma", "Description = surveyed"})
+    EXPECT_NE(about.find(words), std::string::npos) << about;
+  EXPECT_EQ(about.find("Band 5"), std::string::npos);
+  const auto read = [&](const char* name) {
+    const io::RasterInput raster = io::open_raster(folder() / name);
+    std::vector<float> values(static_cast<std::size_t>(raster.grid.nx * raster.grid.ny));
+    raster.source->read(0, 0, raster.grid.nx, raster.grid.ny, values.data());
+    return std::pair{raster.grid, values};
+  };
+  const auto [grid, sigma] = read("sigma.tif");
+  const auto [same, surveyed] = read("surveyed.tif");
+  int counts[4] = {};
+  for (int j = 0; j < grid.ny; ++j) {
+    for (int i = 0; i < grid.nx; ++i) {
+      const double x = grid.first.x() + 0.05 * i, y = grid.first.y() + 0.05 * j;
+      const auto n = static_cast<std::size_t>(j * grid.nx + i);
+      const bool on_floor = x > 0.45 && x < 1.85;
+      if (x > -0.95 && x < 2.95 && y > 0.85 && y < 1.45) {  // the plane, which the scans saw
+        EXPECT_EQ(surveyed[n], 1) << x << " " << y;
+        EXPECT_LT(sigma[n], 0.01);
+        ++counts[0];
+      } else if (x < 1.9 && y > 0.7 && y < 0.75) {  // and did not see
+        EXPECT_EQ(surveyed[n], 0) << x << " " << y;
+        EXPECT_NEAR(sigma[n], 0.01, 1e-6);
+        ++counts[1];
+      } else if (on_floor && std::abs(y) < 0.45) {
+        EXPECT_EQ(surveyed[n], 1) << x << " " << y;
+        EXPECT_LT(sigma[n], 0.0075);
+        ++counts[2];
+      } else if (on_floor && y > 0.51 && y < 0.54) {  // hidden floor: 3 cm too high
+        EXPECT_EQ(surveyed[n], 0) << x << " " << y;
+        EXPECT_NEAR(sigma[n], 0.035, 0.008);
+        ++counts[3];
+      }
+    }
+  }
+  for (const int count : counts) EXPECT_GT(count, 20);
+  good("export out/dig/soil_final.vdb --to two.tif");
+  EXPECT_NE(shell("gdal_translate -q -b 3 two.tif third.tif").status, 0);
+}
 
 TEST_F(ScanRun, CorrectsTheFloorAndFindsTheLip) {
   const Result result = good("run dig.yaml");

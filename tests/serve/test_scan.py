@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import soilvdb
 from live import Server, passes, view
+from osgeo import gdal
 from test_disk import fill, small_disk
 from test_feeds import DATA, START
 
@@ -146,6 +147,14 @@ def cloud2(points, kind="<f4", fields=b"xyz", step=None):
     return b"\0\1\0\0" + bytes(out)
 
 
+def bands(server, folder):
+    """Those of /surface.tif by their names."""
+    (folder / "surface.tif").write_bytes(server.get("/surface.tif")[1])
+    data = gdal.Open(str(folder / "surface.tif"))
+    found = [data.GetRasterBand(n + 1) for n in range(data.RasterCount)]
+    return {band.GetDescription(): band.ReadAsArray() for band in found}
+
+
 def ground(server, query=""):
     summary = server.json("/summary.json" + query)
     return summary["state_hash"], summary["volume_m3"], summary.get("mass_kg")
@@ -159,6 +168,7 @@ def test_soil_that_was_taken_behind_the_servers_back_is_found(tmp_path):
                passes("digger", 0.0, 0.2, 20)), PARKED]))
         before = server.json("/summary.json")
         assert "surveyed_removed" not in before["volume_m3"]
+        assert list(bands(server, tmp_path)) == ["surface", "change"]
         answer, = scan(server, [message({**DEPTH, "time": 1.5}, image.tobytes())])
         assert list(answer) == ["time", "acknowledged_s", "removed_m3", "added_m3", "sigma_m3", "rays", "lip_error"]
         assert answer["removed_m3"] == pytest.approx(volume, rel=0.005)
@@ -173,6 +183,13 @@ def test_soil_that_was_taken_behind_the_servers_back_is_found(tmp_path):
         assert after["volume_m3"]["surveyed_added"] == answer["added_m3"]
         assert after["volume_m3"]["residual"] == after["mass_kg"]["residual"] == 0
         assert after["mass_kg"]["surveyed"] < 0
+        raster = bands(server, tmp_path)
+        assert list(raster) == ["surface", "change", "sigma", "surveyed"]
+        in_pit = raster["change"] < -0.45   # cells lie half-way between columns
+        assert in_pit.sum() == 9 * 9 and np.all(raster["surveyed"][in_pit] == 1)
+        assert 0 < raster["sigma"][in_pit].max() < 0.03
+        dug = (raster["change"] < 0) & (raster["change"] > -0.45)   # out of the picture
+        assert np.median(raster["surveyed"][dug]) == 0 and np.median(raster["sigma"][dug]) > 0.02
         assert after["volume_m3"]["cut"] == before["volume_m3"]["cut"], "no machine cut it"
         assert after["mass_kg"]["buckets"] == before["mass_kg"]["buckets"]
         mean, sigma = answer["lip_error"]["digger"]

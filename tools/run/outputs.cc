@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "io/file/text.h"
@@ -22,6 +23,23 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr double kLeastSide_m = 1e-3, kMostSide_m = 1e6;  // of a region
+
+/// Adds a band of sigmas, and one of what scans and surveys saw.
+void add_sigmas(const HeightGrid& grid, const Sigmas& sigmas, std::vector<io::RasterBand>& bands) {
+  const auto width = static_cast<std::size_t>(grid.nx);
+  std::vector<Vec2> places(width);
+  std::vector<double> sigmas_m(width), seen(width);
+  io::RasterBand sigma{"sigma", {}}, surveyed{"surveyed", {}, ""};
+  for (int y = 0; y < grid.ny; ++y) {
+    for (int x = 0; x < grid.nx; ++x)
+      places[static_cast<std::size_t>(x)] = grid.first + grid.spacing.cwiseProduct(Vec2(x, y));
+    sigmas(places, sigmas_m, seen);
+    sigma.values.insert(sigma.values.end(), sigmas_m.begin(), sigmas_m.end());
+    surveyed.values.insert(surveyed.values.end(), seen.begin(), seen.end());
+  }
+  bands.push_back(std::move(sigma));
+  bands.push_back(std::move(surveyed));
+}
 
 }  // namespace
 
@@ -62,17 +80,19 @@ double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m, double m
 }
 
 void write_surface_raster(const fs::path& file, const Ground& ground,
-                          const Eigen::AlignedBox2d& box, double cell_m,
-                          const std::string& crs_wkt) {
+                          const Eigen::AlignedBox2d& box, double cell_m, const std::string& crs_wkt,
+                          const Sigmas& sigmas) {
   const double cells = box.sizes().x() / cell_m * (box.sizes().y() / cell_m);
   if (cells > io::kMostRasterCells)
     throw std::runtime_error(fmt::format(
         "{}: cells of {} m would be {:.2g} over the dug ground, "
         "which is too many; cells of {} m would do",
         file.string(), length_text(cell_m), cells, length_text(affordable_cell_m(box, cell_m))));
-  const io::SurfaceRaster raster = io::rasterise(ground, box, cell_m);
-  io::write_geotiff(file, raster.grid, {{"surface", raster.surface}, {"change", raster.change}},
-                    crs_wkt);
+  io::SurfaceRaster raster = io::rasterise(ground, box, cell_m);
+  std::vector<io::RasterBand> bands = {{"surface", std::move(raster.surface)},
+                                       {"change", std::move(raster.change)}};
+  if (sigmas) add_sigmas(raster.grid, sigmas, bands);
+  io::write_geotiff(file, raster.grid, bands, crs_wkt);
 }
 
 void check_output(const fs::path& to, const fs::path& input) {

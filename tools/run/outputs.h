@@ -4,6 +4,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <span>
 #include <string>
 
 #include "soilvdb/ground.h"
@@ -17,11 +19,16 @@ Eigen::AlignedBox2d parse_region(const std::string& text);
 /// at most `most_cells` cells.
 double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m, double most_cells = 25e6);
 
+/// Looks up sigmas of heights at places, and what was seen, as Site::sigmas().
+using Sigmas = std::function<void(std::span<const Vec2> xy_m, std::span<double> sigmas_m,
+                                  std::span<double> seen)>;
+
 /// Writes the surface and its change against the base surface as GeoTIFF.
+/// @param sigmas for two more bands, of the columns at the cells' centres; empty: without
 /// @throw std::runtime_error naming the file and the cause, also for too many cells.
 void write_surface_raster(const std::filesystem::path& file, const Ground& ground,
-                          const Eigen::AlignedBox2d& box, double cell_m,
-                          const std::string& crs_wkt);
+                          const Eigen::AlignedBox2d& box, double cell_m, const std::string& crs_wkt,
+                          const Sigmas& sigmas = {});
 
 /// @throw io::InputError if `to` can't be written: it is an input or a folder, or its folder does
 ///        not exist.

@@ -172,8 +172,10 @@ void RunOutputs::write_ground(double time_s) {
     });
   if (scenario_.raster_cell_m)
     write("soil_final.tif", [&](const auto& file) {
+      Sigmas sigmas;
+      if (!scenario_.scans.empty()) sigmas = [this](auto... all) { site_.sigmas(all...); };
       write_surface_raster(file, *site.ground, io::footprint(*site.ground, false),
-                           *scenario_.raster_cell_m, site.crs_wkt);
+                           *scenario_.raster_cell_m, site.crs_wkt, sigmas);
     });
 }
 

@@ -369,8 +369,9 @@ void Session::begin_near(const Vec3& at_m) {
   if (state_->settings.floats && is_place(at_m)) state_->float_to(at_m);
 }
 
-void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
-  state_->sigmas(xy_m, sigmas_m);
+void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m,
+                     std::span<double> seen) {
+  state_->sigmas(xy_m, sigmas_m, seen);
 }
 
 const Ledger& Session::ledger(std::size_t machine) const {

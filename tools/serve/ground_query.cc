@@ -190,6 +190,11 @@ Json GroundQuery::volume(const std::vector<Vec2>& boundary) {
   return json;
 }
 
+Sigmas GroundQuery::sigmas() {
+  if (now_->lip_errors_m().empty()) return {};
+  return [this](auto... all) { now_->sigmas(all...); };
+}
+
 std::string GroundQuery::block(const Coord3& block, std::uint32_t view) {
   const Ground& ground = *now_->site().ground;
   return block_message(ground, block, mesh_block(ground, block), view, before_heights(),

@@ -11,6 +11,7 @@
 
 #include "soilvdb/initial_terrain.h"
 #include "soilvdb/session.h"
+#include "tools/run/outputs.h"
 #include "tools/serve/block_message.h"
 #include "tools/serve/history.h"
 #include "tools/serve/live_forces.h"
@@ -39,6 +40,9 @@ class GroundQuery {
   BoundaryVolume inside(const std::vector<Vec2>& boundary);
   /// The same if nothing had been dug.
   BoundaryVolume inside_undug(const std::vector<Vec2>& boundary) const;
+
+  /// Looks up sigmas of heights, if there were scans; else empty.
+  Sigmas sigmas();
 
   std::string block(const Coord3& block, std::uint32_t view);
   /// The message about forces. @param view its number

@@ -385,7 +385,7 @@ void ServerState::answer(const std::string& text, const std::string& client,
         const double cell_m =
             options.raster_cell_m.value_or(affordable_cell_m(box, of.ground->voxel_size_m()));
         return file_reply("surface.tif", "image/tiff", [&](const fs::path& file) {
-          write_surface_raster(file, *of.ground, box, cell_m, of.crs_wkt);
+          write_surface_raster(file, *of.ground, box, cell_m, of.crs_wkt, ground.sigmas());
         });
       });
     }

@@ -173,8 +173,8 @@ class Site {
   /// Of each machine: its lip's height as told less the true, as scans know it; empty before any.
   std::vector<Estimate> lip_errors_m() const;
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
-  /// by scans. @throw as HeightMap::at()
-  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+  /// by scans. @param seen as of GroundSurvey::sigmas(). @throw as HeightMap::at()
+  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
   /// Sigma of the change of volume inside a boundary against the terrain, by the same. Ground that
   /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd
   /// rule

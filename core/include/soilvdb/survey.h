@@ -119,7 +119,9 @@ class GroundSurvey {
   /// Of each machine, as last solved.
   std::vector<Estimate> lip_errors_m() const;
   /// Sigma of the heights of the columns at places, m; NaN without ground.
-  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+  /// @param seen unless empty: 1 where a scan or survey saw the ground as it is, else 0; NaN
+  /// without
+  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
   /// Sigma of the change of volume inside a boundary, against the terrain.
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
 

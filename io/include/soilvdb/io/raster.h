@@ -44,9 +44,10 @@ RasterInput open_raster(const std::filesystem::path& file);
 struct RasterBand {
   std::string name;
   std::vector<float> values;
+  std::string unit = "metre";  ///< empty: a number
 };
 
-/// Writes a Float32 GeoTIFF (deflate, tiled), north up, NODATA -9999, unit metre. Atomic.
+/// Writes a Float32 GeoTIFF (deflate, tiled), north up, NODATA -9999. Atomic.
 /// @param grid square cells or not; its posts become the cells' centres
 /// @throw std::runtime_error naming the file and the cause.
 void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,

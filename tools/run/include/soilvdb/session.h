@@ -173,8 +173,8 @@ class Session {
   /// something happens there: to be called before heights of a survey are made.
   /// @throw std::invalid_argument if it is recorded far from there
   void begin_near(const Vec3& at_m);
-  /// Sigmas of heights(), m; NaN without ground.
-  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+  /// Sigmas of heights(), m; NaN without ground. @param seen as of GroundSurvey::sigmas()
+  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
 
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;
