@@ -379,7 +379,8 @@ std::string limits_in_degrees(const Chain& chain) {
 }
 
 Chain read_chain(const std::filesystem::path& file, const std::string& link) {
-  const Robot robot(file, read_text(file, kMaxUrdfBytes));
+  const std::string text = read_text(file, kMaxUrdfBytes);
+  const Robot robot(file, text);
   if (!robot.has_link(link)) {
     throw std::invalid_argument(fmt::format("no link '{}' in {}; did you mean '{}'?",
                                             printable(link), file.filename().string(),
