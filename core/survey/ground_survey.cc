@@ -7,7 +7,10 @@
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <tuple>
 #include <unordered_set>
+#include <utility>
+#include <vector>
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
@@ -159,6 +162,7 @@ void SurveyState::read(SurveyTile& tile, How how) {
     }
     column.first = column.top = top;
     column.changed = worked.time;
+    column.pass = column.origin == kNatural ? 0 : solutions + 1;
   }
 }
 
@@ -284,20 +288,34 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
   SurveyState& s = *state_;
   s.map.reader().refresh();
   std::fill(seen.begin(), seen.end(), HeightReader::kNoGround);
-  std::optional<SurveyTile> own;
-  const SurveyTile* tile = nullptr;
+  std::fill(sigmas_m.begin(), sigmas_m.end(), HeightReader::kNoGround);
+  struct Place {
+    std::pair<int, int> tile;
+    std::size_t i;
+    Coord2 cell;
+    auto operator<=>(const Place& other) const {
+      return std::tie(tile, i) <=> std::tie(other.tile, other.i);
+    }
+  };
+  std::vector<Place> places;  // by tiles, each of which is read once
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
     const Vec2 at = (xy_m[i] - s.ground.origin().head<2>()) / s.voxel_m();
-    sigmas_m[i] = HeightReader::kNoGround;
     if (!at.allFinite() || !(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
-    const Coord2 cell(cell_of(at.x()), cell_of(at.y())), low = floor_to(cell, kChunkSide);
-    if (tile == nullptr || tile->cell != low) tile = &s.look(low, own);
+    const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
+    places.push_back({SurveyState::mark(floor_to(cell, kChunkSide)), i, cell});
+  }
+  std::sort(places.begin(), places.end());
+  std::optional<SurveyTile> own;
+  const SurveyTile* tile = nullptr;
+  for (const auto& [of, i, cell] : places) {
+    if (tile == nullptr || SurveyState::mark(tile->cell) != of)
+      tile = &s.look({of.first, of.second}, own);
     const std::size_t n = SurveyState::number_of(cell);
     const SurveyColumn& column = tile->columns[n];
     if (std::isnan(column.top)) continue;
     sigmas_m[i] = std::sqrt(s.height_variance(*tile, n));
     if (seen.empty()) continue;
-    seen[i] = column.origin == kSurveyed ||
+    seen[i] = column.origin == kSurveyed || (s.surveyed && s.surveyed->are_of(cell, column.top)) ||
               std::any_of(tile->sums.begin(), tile->sums.end(),
                           [&](const auto& sums) { return sums.second[n].rays > 0; });
   }

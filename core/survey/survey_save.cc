@@ -13,7 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 5;
+constexpr std::uint32_t kSurveyFormat = 6;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -60,7 +60,7 @@ void take_cells(std::string_view& in, ScanCells& cells) {
 void put_column(std::string& out, const SurveyColumn& column) {
   put(out, column.first, column.top, column.variance, column.prior);
   put_number(out, column.origin);
-  put(out, column.changed, column.rays, column.height, column.blind);
+  put(out, column.changed, column.pass, column.rays, column.height, column.blind);
   put_cells(out, column.cells);
 }
 void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origins) {
@@ -69,7 +69,7 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
   column.prior = take_finite(in);
   if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_survey();
   column.origin = take_number<std::uint16_t>(in, origins);
-  take(in, column.changed);
+  take(in, column.changed, column.pass);
   take_amount(in, column.rays);
   take(in, column.height);
   take_amount(in, column.blind);
@@ -138,11 +138,11 @@ void take_cells_of(std::string_view& in, const SurveyState& s, Tiles& tiles) {
 
 void put_block(std::string& out, const Block& block) {
   put_number(out, block.origin);
-  put(out, block.x, block.y);
+  put(out, block.pass, block.x, block.y);
 }
 Block take_block(std::string_view& in, std::uint64_t origins) {
-  Block block{take_number<std::uint16_t>(in, origins), 0, 0};
-  take(in, block.x, block.y);
+  Block block{take_number<std::uint16_t>(in, origins), 0, 0, 0};
+  take(in, block.pass, block.x, block.y);
   return block;
 }
 
@@ -213,7 +213,8 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
     put(out, errors.mean()[i]);
     for (Eigen::Index j = 0; j <= i; ++j) put(out, errors.covariance()(i, j));
   }
-  put(out, s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped, s.time);
+  put(out, s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped, s.time,
+      s.solutions);
   if (all) {
     const std::map<std::uint64_t, SurveyState::Work> work(s.work.begin(), s.work.end());
     put_number(out, work.size());
@@ -226,7 +227,8 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   put_number(out, blocks.size());
   for (const Block& block : blocks) {
     put_block(out, block);
-    put_block_state(out, s.blocks.at(block));
+    const auto known = s.blocks.find(block);  // none: it was retired
+    put_block_state(out, known != s.blocks.end() ? known->second : SurveyState::BlockState());
   }
   std::vector<ThroughRay> through = s.through;
   std::sort(through.begin(), through.end());
@@ -245,12 +247,15 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   for (const Block& block : s.untold_blocks) put_block(out, block);
 }
 
+bool tells(const SurveyState::BlockState& state) {
+  return state.known.weight > 0 || state.retired.weight > 0 || state.solved.size() > 0;
+}
+
 /// What is to be saved of all blocks.
 std::set<Block> told_blocks(const SurveyState& s) {
   std::set<Block> told;
   for (const auto& [block, state] : s.blocks)
-    if (state.known.weight > 0 || state.retired.weight > 0 || state.solved.size() > 0)
-      told.insert(block);
+    if (tells(state)) told.insert(block);
   return told;
 }
 
@@ -321,6 +326,7 @@ void GroundSurvey::load(std::string_view& in) {
   const std::uint32_t time = s.time;
   take(in, s.time);
   if (!all && s.time != time) refuse_survey();
+  take(in, s.solutions);
   if (all)
     for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
       std::uint64_t key = 0;
@@ -330,7 +336,8 @@ void GroundSurvey::load(std::string_view& in) {
       take(in, work.time);
     }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
-    SurveyState::BlockState& state = s.blocks[take_block(in, origins)];
+    const Block block = take_block(in, origins);
+    SurveyState::BlockState& state = s.blocks[block];
     const auto take_errors = [&](bool any, Eigen::VectorXd& values) {
       values = Eigen::VectorXd::Zero(any ? s.error_count() : 0);
       if (!any) return;
@@ -347,6 +354,7 @@ void GroundSurvey::load(std::string_view& in) {
     take(in, is_solved);
     take_errors(is_solved, state.solved);
     state.solved_alike = take_finite(in);
+    if (!tells(state)) s.blocks.erase(block);
   }
   s.through.clear();  // a snapshot may have scans that were applied since
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {

@@ -133,7 +133,7 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
 Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
   const int side = block_side(), n = static_cast<int>(i);
   const auto part = [&](int at) { return at >= 0 ? at / side : -1 - (-1 - at) / side; };
-  return {tile.columns[i].origin, part(tile.cell.x() + n / kChunkSide),
+  return {tile.columns[i].origin, tile.columns[i].pass, part(tile.cell.x() + n / kChunkSide),
           part(tile.cell.y() + n % kChunkSide)};
 }
 
@@ -406,6 +406,20 @@ bool SurveyState::is_other(const SurveyColumn& column) {
 
 bool SurveyState::is_datum(const SurveyColumn& column) {
   return column.origin == kNatural && column.top == column.first && !is_other(column);
+}
+
+void SurveyState::retire_blocks() {
+  for (auto at = blocks.begin(); at != blocks.end();) {
+    const auto& [block, state] = *at;
+    if (block.pass == 0 || state.sums) {
+      ++at;
+      continue;
+    }
+    const Block past{block.origin, 0, block.x, block.y};
+    untold_blocks.insert({block, past});
+    blocks[past].retired.add(state.retired);
+    at = blocks.erase(at);
+  }
 }
 
 BlockError SurveyState::error_of(const Block& block) const {
@@ -844,6 +858,8 @@ std::vector<SurveyChange> SurveyState::solve() {
     blocks[block].solved_alike = errors.mean_of(error_of(block));
     untold_blocks.insert(block);
   }
+  retire_blocks();
+  ++solutions;
   VolumeError error(errors);
   for (const auto& [block, state] : blocks)
     if (state.sums) error.add(*state.sums, error_of(block));

@@ -60,6 +60,7 @@ struct SurveyRecord {
   };
   std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
   std::uint32_t time = 1;                                  // counts changes of the ground
+  std::uint32_t solutions = 0;                             // counts corrections
   std::vector<Sensor> sensors;                             // in order of their first scan
   std::vector<int> by_name;                                // their numbers
   std::vector<int> ranks;                                  // of each in that order
@@ -157,6 +158,8 @@ struct SurveyState : SurveyRecord {
   static bool is_datum(const SurveyColumn& column);
   /// Keeps what a column says of the common errors when its ground has changed.
   void retire(const SurveyTile& tile, std::size_t i);
+  /// Of blocks of which no column is left, those in a square become one.
+  void retire_blocks();
   /// Do enough rays end about where a ray does?
   bool is_met(const Vec3& end) const;
   void see_through();

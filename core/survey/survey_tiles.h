@@ -93,6 +93,7 @@ struct SurveyColumn {
   double prior = -1;    ///< variance of its own error as last solved, m^2; negative: not yet
   std::uint16_t origin = kNatural;
   std::uint32_t changed = 0;  ///< when it last changed, other than by scans
+  std::uint32_t pass = 0;     ///< corrections there were until then, plus 1; natural: 0
   // Since scans were applied:
   std::int64_t rays = 0;    ///< that met it as expected
   ScanCells cells;          ///< of those that ended in it as expected
@@ -100,9 +101,12 @@ struct SurveyColumn {
   std::int64_t blind = 0;   ///< others that ended in it as expected, but tell no height
 };
 
-/// The columns of one origin in a square: their own errors hang together.
+/// The columns in a square of one origin, which changed between two corrections: their own errors
+/// hang together. Only natural columns have pass 0; of others it keeps what ground told that is
+/// gone.
 struct Block {
   std::uint16_t origin;
+  std::uint32_t pass;
   int x, y;
   auto operator<=>(const Block&) const = default;
 };

@@ -784,3 +784,56 @@ def test_rays_that_pass_a_rim_and_end_at_the_wall_behind_it_make_no_ground(shift
     survey = site.apply_scans()
     assert survey.removed_m3 == survey.added_m3 == 0
     assert survey.rays["used"] > 0.9 * 3 * len(ends) and survey.rays["dropped"] > 1000
+
+
+def passes(site, level, x=(0.0, 8.0)):
+    """Digs a floor 3 m wide at a level."""
+    for y in (-1.0, 0.0, 1.0):
+        site.place(0, position=(x[0], y, 0.5))
+        for at in np.linspace(*x, 81):
+            site.update(0, position=(at, y, level))
+    site.place(0, position=(-5, 20, 3))
+
+
+PRECISE = soilvdb.Sensor(name="precise", position=(3, 0, 5), range_sigma=0.004, mount_height_sigma=0.001,
+                         mount_tilt_sigma=1e-4, mount_scale_sigma=1e-5)
+
+
+@pytest.mark.parametrize("width", [3.0, 1.0])   # of what is dug deeper: all, or a part of each block
+def test_what_erred_alike_in_a_floor_says_nothing_of_the_next(width):
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    passes(site, -0.2)
+    off = over(site, -0.185, (2.0, -1.5), (4.0, 1.5))     # 15 mm above what was told
+    for seed in range(3):
+        site.scan(PRECISE, np.concatenate([over(site, 0.0, (-4, 2.5), (8, 5), seed=seed), off,
+                                           over(site, -0.2, (4.1, -1.2), (7.9, 1.2), seed=seed)]), world=True)
+    site.apply_scans()
+    if width == 3:
+        passes(site, -0.4)
+    else:
+        site.place(0, position=(0, 0, 0.5))
+        for at in np.linspace(0, 8, 81):
+            site.update(0, position=(at, 0, -0.4))
+        site.place(0, position=(-5, 20, 3))
+    x, y = np.meshgrid(np.arange(2.05, 3.95, 0.03), np.arange(-0.55, 0.55, 0.2))
+    places = np.stack([x.ravel(), y.ravel()], 1)
+    own = np.column_stack([places, site.heights(places)])  # noise-free
+    site.scan(PRECISE, own, world=True)
+    done = site.apply_scans()
+    assert max(done.removed_m3, done.added_m3) < 1e-4
+    assert np.abs(site.heights(places) - own[:, 2]).max() < 1e-3
+
+
+def test_a_floor_that_was_dug_anew_is_as_uncertain_as_one_that_was_never_scanned():
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    for x in ((0.0, 4.0), (10.0, 14.0)):   # the first is scanned
+        passes(site, -0.2, x)
+    site.scan(PRECISE, np.concatenate([over(site, 0.0, (-4, 2.5), (8, 5)),
+                                       over(site, -0.2, (0.1, -1.5), (4.0, 1.5))]), world=True)
+    site.apply_scans()
+    for x in ((0.0, 4.0), (10.0, 14.0)):
+        passes(site, -0.4, x)
+    sigmas = [site.volume([(x, -1.4), (x + 3.8, -1.4), (x + 3.8, 1.4), (x, 1.4)], sigma=True).sigma_m3
+              for x in (0.2, 10.2)]
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.02)
+    assert sigmas[0] > 0.02 * 3.8 * 2.8 * 0.1
