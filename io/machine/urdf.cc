@@ -64,7 +64,16 @@ class Robot {
     for (const auto& [name, link] : links_) {
       const char* which = link->FirstChildElement("collision") != nullptr ? "collision" : "visual";
       if (link->FirstChildElement(which) == nullptr) continue;
-      std::optional<LinkBody> placed = place(name, joints);
+      if (is_free(name)) continue;
+      const auto count_unread = [&](const InputError& e) {
+        if (unread++ == 0) first = e.what();
+      };
+      std::optional<LinkBody> placed;
+      try {
+        placed = place(name, joints);
+      } catch (const InputError& e) {
+        count_unread(e);
+      }
       if (!placed) continue;
       for (const auto* shape = link->FirstChildElement(which); shape != nullptr;
            shape = shape->NextSiblingElement(which)) {
@@ -74,7 +83,7 @@ class Robot {
           body.link.link_from_bucket = origin(*shape);
           all.bodies.push_back(std::move(body));
         } catch (const InputError& e) {
-          if (unread++ == 0) first = e.what();
+          count_unread(e);
         }
       }
     }
@@ -193,16 +202,22 @@ class Robot {
     return otherwise;
   }
 
-  /// Where a link is by a machine's joints; empty if other joints move it, or of kinds that no
-  /// number places.
+  /// Is a link below a joint of a kind that no number places?
+  bool is_free(std::string link) const {
+    for (std::size_t n = 0; n < joints_.size() && by_child_.contains(link); ++n) {
+      const XMLElement& joint = *by_child_.find(link)->second;
+      const std::string type = attribute(joint, "type");
+      if (type == "floating" || type == "planar") return true;
+      link = linked(joint, "parent");
+    }
+    return false;
+  }
+
+  /// Where a link is by a machine's joints; empty if other joints move it.
   std::optional<LinkBody> place(const std::string& link,
                                 const std::vector<std::string>& joints) const {
     LinkBody body;
-    try {
-      body.link.joints = chain(link);
-    } catch (const InputError&) {
-      return {};
-    }
+    body.link.joints = chain(link);
     for (const std::string& joint : body.link.movable()) {
       const auto at = std::find(joints.begin(), joints.end(), joint);
       if (at == joints.end()) return {};
@@ -394,7 +409,9 @@ Chain read_chain(const std::filesystem::path& file, const std::string& link) {
     }
   }
   chain.bodies = std::make_shared<const LinkBodies>(
-      [file, text, joints = chain.movable()] { return Robot(file, text).bodies(joints); });
+      [file = std::filesystem::absolute(file), text, joints = chain.movable()] {
+        return Robot(file, text).bodies(joints);
+      });
   return chain;
 }
 

@@ -29,6 +29,8 @@ constexpr std::size_t kMostNodes = 1 << 20;
 
 class Collada {
  public:
+  using Triangles = std::vector<std::array<Vec3, 3>>;
+
   explicit Collada(const std::filesystem::path& file) : file_(file) {
     const XMLElement& root = parse_xml(file, read_text(file, kMaxColladaBytes),
                                        "a .dae begins with <COLLADA ..>", document_);
@@ -51,7 +53,7 @@ class Collada {
     }
   }
 
-  std::vector<std::array<Vec3, 3>> take() { return std::move(triangles_); }
+  Triangles take() { return std::move(triangles_); }
 
  private:
   /// What a face's corners are: place of their indices among those of a corner, and the points.
@@ -98,16 +100,18 @@ class Collada {
       fail(element, fmt::format("has '{}' where a number is needed, -1e9 to 1e9", printable(text)));
     return *value;
   }
-  /// Calls f for each word of an element's text.
+  /// Calls f for each word of an element's text, which comments may divide.
   template <typename F>
   static void each_word(const XMLElement& element, const F& f) {
     constexpr std::string_view kSpace = " \t\r\n";
-    const char* text = element.GetText();
-    for (std::string_view left = text != nullptr ? text : ""; !left.empty();) {
-      left.remove_prefix(std::min(left.find_first_not_of(kSpace), left.size()));
-      const std::string_view word = left.substr(0, left.find_first_of(kSpace));
-      left.remove_prefix(word.size());
-      if (!word.empty()) f(word);
+    for (const auto* part = element.FirstChild(); part != nullptr; part = part->NextSibling()) {
+      if (part->ToText() == nullptr) continue;
+      for (std::string_view left = part->Value(); !left.empty();) {
+        left.remove_prefix(std::min(left.find_first_not_of(kSpace), left.size()));
+        const std::string_view word = left.substr(0, left.find_first_of(kSpace));
+        left.remove_prefix(word.size());
+        if (!word.empty()) f(word);
+      }
     }
   }
   std::vector<double> numbers(const XMLElement& element) const {
@@ -225,17 +229,25 @@ class Collada {
   }
 
   void add(const XMLElement& geometry, const Eigen::Affine3d& world) {
-    const XMLElement* mesh = geometry.FirstChildElement("mesh");
-    if (mesh == nullptr) fail(geometry, "has no <mesh>; splines and other shapes aren't read");
-    for (const auto* e = mesh->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
-      const std::string_view kind = e->Name();
-      if (kind == "triangles" || kind == "polylist" || kind == "polygons" || kind == "trifans" ||
-          kind == "tristrips")
-        add_faces(*e, kind, world);
+    const auto [known, is_new] = geometries_.try_emplace(&geometry);
+    Triangles& all = known->second;
+    if (is_new) {
+      const XMLElement* mesh = geometry.FirstChildElement("mesh");
+      if (mesh == nullptr) fail(geometry, "has no <mesh>; splines and other shapes aren't read");
+      for (const auto* e = mesh->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+        const std::string_view kind = e->Name();
+        if (kind == "triangles" || kind == "polylist" || kind == "polygons" || kind == "trifans" ||
+            kind == "tristrips")
+          add_faces(*e, kind, all);
+      }
     }
+    if (all.size() > kMostTriangles - triangles_.size())
+      fail(geometry, fmt::format("makes more than {} triangles with its nodes", kMostTriangles));
+    for (const auto& t : all)
+      triangles_.push_back({Vec3(world * t[0]), Vec3(world * t[1]), Vec3(world * t[2])});
   }
 
-  void add_faces(const XMLElement& faces, std::string_view kind, const Eigen::Affine3d& world) {
+  void add_faces(const XMLElement& faces, std::string_view kind, Triangles& to) {
     const Corners corners = corners_of(faces);
     if (const XMLElement* hole = faces.FirstChildElement("ph"))
       fail(*hole, "is a face with holes, which isn't read; split faces into triangles");
@@ -250,42 +262,38 @@ class Collada {
         if (all[i] >= corners.points->size())
           fail(p, fmt::format("has the corner {}; there are {} points", all[i],
                               corners.points->size()));
-        face.push_back(world * (*corners.points)[all[i]]);
+        face.push_back((*corners.points)[all[i]]);
       }
       if (kind == "polylist") {
         std::size_t from = 0;
         for (const std::size_t size : sizes) {
           if (size > face.size() - from) fail(p, "has fewer corners than <vcount> says");
-          add_fan(p, {face.data() + from, size});
+          add_fan({face.data() + from, size}, to);
           from += size;
         }
         if (from != face.size()) fail(p, "has more corners than <vcount> says");
       } else if (kind == "triangles") {
         if (face.size() % 3 != 0) fail(p, "has a triangle without three corners");
-        for (std::size_t i = 0; i < face.size(); i += 3) add_fan(p, {face.data() + i, 3});
+        for (std::size_t i = 0; i < face.size(); i += 3) add_fan({face.data() + i, 3}, to);
       } else if (kind == "tristrips") {
         for (std::size_t i = 2; i < face.size(); ++i)
-          add(p, {face[i - 2 + i % 2], face[i - 1 - i % 2], face[i]});
+          to.push_back({face[i - 2 + i % 2], face[i - 1 - i % 2], face[i]});
       } else {
-        add_fan(p, face);
+        add_fan(face, to);
       }
     });
   }
-  void add_fan(const XMLElement& where, std::span<const Vec3> face) {
-    for (std::size_t k = 2; k < face.size(); ++k) add(where, {face[0], face[k - 1], face[k]});
-  }
-  void add(const XMLElement& where, const std::array<Vec3, 3>& triangle) {
-    if (triangles_.size() == kMostTriangles)
-      fail(where, fmt::format("makes more than {} triangles with its nodes", kMostTriangles));
-    triangles_.push_back(triangle);
+  static void add_fan(std::span<const Vec3> face, Triangles& to) {
+    for (std::size_t k = 2; k < face.size(); ++k) to.push_back({face[0], face[k - 1], face[k]});
   }
 
   const std::filesystem::path& file_;
   tinyxml2::XMLDocument document_;
   std::map<std::string, const XMLElement*, std::less<>> by_id_;
   std::map<const XMLElement*, std::vector<Vec3>> points_;  // of <vertices>
+  std::map<const XMLElement*, Triangles> geometries_;      // in their own frames
   std::size_t nodes_ = 0;
-  std::vector<std::array<Vec3, 3>> triangles_;
+  Triangles triangles_;
 };
 
 }  // namespace

@@ -60,6 +60,7 @@ TEST(Collada, ReadsEachKindOfFaces) {
         folder.write("a.dae", file_of("<" + kind + ">" + kInputs + rest + "</" + kind + ">", ""))));
   };
   EXPECT_EQ(read("triangles", "<p>0 0 0 1 0 2 0 0 0 1 0 4</p>"), (Points{a, b, c, a, b, e}));
+  EXPECT_EQ(read("triangles", "<p>0 0 0 1<!-- text --> 0 4</p>"), (Points{a, b, e}));
   EXPECT_EQ(read("polylist", "<vcount>4 3</vcount><p>0 0 0 1 0 2 0 3 0 0 0 1 0 4</p>"),
             (Points{a, b, c, a, c, d, a, b, e}));
   EXPECT_EQ(read("polygons", "<p>0 0 0 1 0 2 0 3</p><p>0 0 0 1 0 4</p>"),
@@ -150,14 +151,23 @@ TEST(Collada, ANodeMayStandForAnother) {
   };
   EXPECT_THAT(said(scene_of("<node id=\"one\"><instance_node url=\"#one\"/></node>")),
               HasSubstr("stands for itself"));
-  std::string doubled = "<library_nodes><node id=\"n0\"/>";
-  for (int i = 1; i < 40; ++i)
-    doubled += fmt::format(
-        "<node id=\"n{0}\"><instance_node url=\"#n{1}\"/><instance_node url=\"#n{1}\"/></node>", i,
-        i - 1);
-  EXPECT_THAT(
-      said(doubled + "</library_nodes>" + scene_of("<node><instance_node url=\"#n39\"/></node>")),
-      HasSubstr("one of more than"));
+  // Nodes that stand for two others each, down to one.
+  const auto doubled = [&](int levels) {
+    std::string nodes = "<library_nodes><node id=\"n0\">" + kGeometry + "</node>";
+    for (int i = 1; i <= levels; ++i)
+      nodes += fmt::format(
+          "<node id=\"n{0}\"><instance_node url=\"#n{1}\"/><instance_node url=\"#n{1}\"/></node>",
+          i, i - 1);
+    return nodes + "</library_nodes>" +
+           scene_of(fmt::format("<node><instance_node url=\"#n{}\"/></node>", levels));
+  };
+  EXPECT_EQ(read(doubled(10)), 1024U);
+  EXPECT_THAT(said(doubled(40)), HasSubstr("one of more than"));
+  // Faces that make no triangles are read once, not 2^16 times.
+  std::string edges = "<polygons>" + kInputs;
+  for (int i = 0; i < 3000; ++i) edges += "<p>0 0 0 1</p>";
+  const auto file = folder.write("a.dae", file_of(edges + "</polygons>", doubled(16)));
+  EXPECT_THAT(test::message_of(folder, [&] { read_mesh(file); }), HasSubstr("has no triangles"));
 }
 
 TEST(Collada, RefusesWhatItCannotRead) {

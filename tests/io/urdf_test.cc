@@ -270,6 +270,23 @@ TEST_F(Urdf, ShapesOfMeshesCoverThem) {
   }
 }
 
+TEST_F(Urdf, LinksWhoseJointsCantBeReadAreSaid) {
+  const std::string box = R"(<collision><geometry><box size="1 1 1"/></geometry></collision>)";
+  const auto said = [&](const std::string& joint) {
+    const auto file =
+        folder_.write("m.urdf", R"(<robot name="m"><link name="base"/><link name="tank">)" + box +
+                                    R"(</link><link name="bucket"/>
+<joint name="end" type="fixed"><parent link="base"/><child link="bucket"/></joint>
+<joint name="holds" type=)" + joint +
+                                    R"(<parent link="base"/><child link="tank"/></joint></robot>)");
+    const Chain chain = read_chain(file, "bucket");
+    return chain.bodies->take_warning();
+  };
+  EXPECT_EQ(said(R"("fixed">)"), "");
+  EXPECT_EQ(said(R"("floating">)"), "") << "no number places it";
+  EXPECT_NE(said(R"("fixed"><origin xyz="0 0 abc"/>)").find("'abc'"), std::string::npos);
+}
+
 TEST_F(Urdf, ShapesThatCantBeReadAreSaidOnceAndTheOthersCount) {
   const auto collision = [](const std::string& shape) {
     return "<collision><geometry>" + shape + "</geometry></collision>";
