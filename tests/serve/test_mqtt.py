@@ -510,7 +510,7 @@ def test_passwords_come_from_a_file_or_the_environment_and_are_shown_nowhere(tmp
         for wrong in (("--mqtt-password-file", "wrong"), ()):
             with serve(scenario(tmp_path), address, tmp_path, *wrong) as server:
                 assert told(server, "warning: MQTT").endswith(
-                    "again: Connection Refused: not authorised. Give USER@ and a --mqtt-password-file\n")
+                    "again: Connection Refused: not authorised. Are USER@ and the --mqtt-password-file right?\n")
 
 
 def test_the_access_list_of_the_guide(tmp_path):

@@ -273,7 +273,8 @@ MqttOptions mqtt_options(const ServeOptions& options, const std::string& name) {
       R"((mqtts?://)?(?:([^@/:]+)@)?(?:\[([^\]/]+)\]|([^@/:\[]+))(?::([0-9]{1,5}))?(?:/([^+#]+))?)");
   std::smatch parts;
   constexpr int kMostPort = 65535, kPort = 1883, kTlsPort = 8883;
-  if (!std::regex_match(address, parts, kForm))
+  constexpr std::size_t kLongest = 1000;  // of what a regex of this library may be asked for
+  if (address.size() > kLongest || !std::regex_match(address, parts, kForm))
     throw io::InputError(fmt::format(
         "--mqtt {} must be a HOST, or of the form mqtts://USER@HOST:PORT/TOPIC, where each part "
         "but "

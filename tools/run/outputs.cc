@@ -26,13 +26,17 @@ constexpr double kLeastSide_m = 1e-3, kMostSide_m = 1e6;  // of a region
 
 /// Adds a band of sigmas, and one of what scans and surveys saw.
 void add_sigmas(const HeightGrid& grid, const Sigmas& sigmas, std::vector<io::RasterBand>& bands) {
-  const auto width = static_cast<std::size_t>(grid.nx);
-  std::vector<Vec2> places(width);
-  std::vector<double> sigmas_m(width), seen(width);
+  constexpr int kStrip = 64;  // rows that are asked for at once
+  std::vector<Vec2> places;
+  std::vector<double> sigmas_m, seen;
   io::RasterBand sigma{"sigma", {}}, surveyed{"surveyed", {}, ""};
-  for (int y = 0; y < grid.ny; ++y) {
-    for (int x = 0; x < grid.nx; ++x)
-      places[static_cast<std::size_t>(x)] = grid.first + grid.spacing.cwiseProduct(Vec2(x, y));
+  for (int low = 0; low < grid.ny; low += kStrip) {
+    places.clear();
+    for (int y = low; y < std::min(low + kStrip, grid.ny); ++y)
+      for (int x = 0; x < grid.nx; ++x)
+        places.emplace_back(grid.first + grid.spacing.cwiseProduct(Vec2(x, y)));
+    sigmas_m.resize(places.size());
+    seen.resize(places.size());
     sigmas(places, sigmas_m, seen);
     sigma.values.insert(sigma.values.end(), sigmas_m.begin(), sigmas_m.end());
     surveyed.values.insert(surveyed.values.end(), seen.begin(), seen.end());

@@ -133,7 +133,7 @@ struct MqttLink {
     else
       refused = functions.mosquitto_connack_string(code);
     if (code == CONNACK_REFUSED_BAD_USERNAME_PASSWORD || code == CONNACK_REFUSED_NOT_AUTHORIZED)
-      refused += " Give USER@ and a --mqtt-password-file";
+      refused += " Are USER@ and the --mqtt-password-file right?";
   }
   void subscribed(int, int, const int* granted) {
     if (*granted <= kAtLeastOnce) return publish("link", R"({"link":"live"})", /*retain=*/true);
@@ -141,7 +141,7 @@ struct MqttLink {
   }
   void published(int) {
     const std::lock_guard lock(mutex);
-    wake();
+    if (!messages.empty()) wake();
   }
   void log(int level, const char* text) {
     const std::string_view all(text);  // of OpenSSL, whose last part has the reason
@@ -185,6 +185,7 @@ struct MqttLink {
           functions.mosquitto_connect(client, options.host.c_str(), options.port, kKeepAlive_s);
       while (code == MOSQ_ERR_SUCCESS && !ending) {
         code = functions.mosquitto_loop(client, kLoop_ms, 1);
+        if (!functions.mosquitto_want_write(client)) published(0);  // also of what is no message
         if (connected && ServerState::Clock::now() - begin > kTryAgain &&
             std::exchange(gone, false))
           warn("is there again");
