@@ -221,8 +221,11 @@ def broker(tmp_path):
         yield of
 
 
-def node(broker, name="gateway", **more):
-    return Node(broker.port, **more).subscribe(f"soilvdb/site/answers/{name}").subscribe("soilvdb/site/link")
+def node(broker, site="soilvdb/site", name="gateway", **more):
+    """A client, once the site is there: a broker keeps messages for nobody who comes later."""
+    client = Node(broker.port, **more).subscribe(f"{site}/answers/{name}").subscribe(f"{site}/link")
+    client._until(lambda: b'{"link":"live"}' in client.got.get(f"{site}/link", []) or None)
+    return client
 
 
 def serve(path, address, folder, *more, **options):
@@ -277,9 +280,8 @@ def test_messages_dig_as_posts_do_and_are_kept(tmp_path, broker):
 
 def test_a_machine_belongs_to_its_topic(tmp_path, broker):
     with serve(scenario(tmp_path), f"127.0.0.1:{broker.port}/pit/7", tmp_path) as server:
-        with Node(broker.port, will=("pit/7/feed/a", LOST)) as first, Node(broker.port) as second:
-            for of, name in ((first, "a"), (second, "b")):
-                of.subscribe(f"pit/7/answers/{name}")
+        with node(broker, "pit/7", "a", will=("pit/7/feed/a", LOST)) as first, \
+                node(broker, "pit/7", "b") as second:
             assert "error" not in first.feed(STATES[:1], "a", "pit/7")[0]
             before = digest(server)
             for refused in (second.feed(STATES[1:2], "b", "pit/7"), server.feed(STATES[1:2])):
@@ -349,7 +351,7 @@ def test_what_is_no_message_of_now_is_refused(tmp_path, broker):
 
 
 def test_a_retained_message_is_not_of_now(tmp_path, broker):
-    with node(broker, "late") as feed:
+    with Node(broker.port).subscribe("soilvdb/site/answers/late").subscribe("soilvdb/site/link") as feed:
         feed.publish("soilvdb/site/feed/late", json.dumps(STATES[0]).encode(), retain=True)
         with serve(scenario(tmp_path), f"127.0.0.1:{broker.port}", tmp_path) as server:
             assert feed.next("soilvdb/site/link") == b'{"link":"live"}'
