@@ -78,7 +78,7 @@ TEST_F(Tools, ThatCannotBeAreRefused) {
   write_scenario("    tool: {mesh: none.stl}\n");
   expect_refused("run s.yaml", "none.stl: no such file");
   write_scenario("    tool: {mesh: push.csv}\n");
-  expect_refused("run s.yaml", "push.csv: is not a readable mesh; use .stl or .obj");
+  expect_refused("run s.yaml", "push.csv: is not a readable mesh; use .stl, .obj or .dae");
   write_scenario("    tool: {mesh: blade.obj, voxel: 1e-9}\n");
   expect_refused("run s.yaml", "voxel");
   write_file(folder() / "blade.obj", std::string(kBlade).substr(0, std::string(kBlade).rfind("f")));
