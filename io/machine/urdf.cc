@@ -64,13 +64,12 @@ class Robot {
     for (const auto& [name, link] : links_) {
       const char* which = link->FirstChildElement("collision") != nullptr ? "collision" : "visual";
       if (link->FirstChildElement(which) == nullptr) continue;
-      if (is_free(name)) continue;
       const auto count_unread = [&](const InputError& e) {
         if (unread++ == 0) first = e.what();
       };
       std::optional<LinkBody> placed;
       try {
-        placed = place(name, joints);
+        if (!is_free(name)) placed = place(name, joints);
       } catch (const InputError& e) {
         count_unread(e);
       }
@@ -276,7 +275,7 @@ class Robot {
   std::filesystem::path mesh_file(const XMLElement& mesh) const {
     const std::string name = attribute(mesh, "filename");
     constexpr std::string_view kFile = "file://", kPackage = "package://";
-    const std::filesystem::path folder = std::filesystem::absolute(file_).parent_path();
+    const std::filesystem::path folder = file_.parent_path();  // absolute, as bodies() needs it
     if (name.starts_with(kFile)) return name.substr(kFile.size());
     if (!name.starts_with(kPackage)) return folder / name;
     const std::filesystem::path in_package = name.substr(kPackage.size());

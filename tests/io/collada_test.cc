@@ -9,6 +9,7 @@
 
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/mesh_file.h"
+#include "tests/io/mesh_corners.h"
 #include "tests/support/temp_folder.h"
 
 namespace soilvdb::io {
@@ -43,13 +44,6 @@ const std::string kInputs =
 const std::string kTriangle =
     "<triangles count=\"1\">" + kInputs + "<p>0 0 0 1 0 4</p></triangles>";
 const std::string kGeometry = "<instance_geometry url=\"#g\"/>";
-
-std::vector<Eigen::Vector3f> corners(const Mesh& mesh) {
-  std::vector<Eigen::Vector3f> all;
-  for (const auto& t : mesh.triangles)
-    for (const std::uint32_t k : t) all.push_back(mesh.points[k]);
-  return all;
-}
 
 TEST(Collada, ReadsEachKindOfFaces) {
   const test::TempFolder folder;

@@ -10,6 +10,7 @@
 
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/mesh_file.h"
+#include "tests/io/mesh_corners.h"
 #include "tests/support/temp_folder.h"
 
 namespace soilvdb::io {
@@ -23,14 +24,6 @@ Mesh corner() {
   mesh.points = {{0, 0, 0}, {0.5F, 0, 0}, {0, 1.25F, 0}, {0, 0, 2}};
   mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
   return mesh;
-}
-
-/// The corners of triangles, whatever their points' order.
-std::vector<Eigen::Vector3f> corners(const Mesh& mesh) {
-  std::vector<Eigen::Vector3f> all;
-  for (const auto& t : mesh.triangles)
-    for (const std::uint32_t k : t) all.push_back(mesh.points[k]);
-  return all;
 }
 
 TEST(ReadMesh, GivesBackWhatIsWritten) {

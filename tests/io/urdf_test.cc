@@ -284,6 +284,7 @@ TEST_F(Urdf, LinksWhoseJointsCantBeReadAreSaid) {
   };
   EXPECT_EQ(said(R"("fixed">)"), "");
   EXPECT_EQ(said(R"("floating">)"), "") << "no number places it";
+  EXPECT_NE(said(R"("">)").find("has no type"), std::string::npos);
   EXPECT_NE(said(R"("fixed"><origin xyz="0 0 abc"/>)").find("'abc'"), std::string::npos);
 }
 
