@@ -714,5 +714,17 @@ TEST_F(Program, KnowsWhatASessionRecorded) {
   EXPECT_EQ(run("verify site").status, 1);
 }
 
+TEST_F(Program, SaysThatARecordingOfAnotherFormatIsNotGoneOnWith) {
+  fs::create_directory(folder() / "site");
+  // CBOR of {"session": 1}
+  io::begin_journal(folder() / "site/journal", {"\xa1\x67session\x01"});
+  const auto verified = run("verify site");
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE(verified.err.find("is a recording of format 1; this version goes on with format 2"),
+            std::string::npos)
+      << verified.err;
+  EXPECT_EQ(verified.err.find("from which"), std::string::npos) << verified.err;
+}
+
 }  // namespace session_record_test
 }  // namespace soilvdb::test

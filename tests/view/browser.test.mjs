@@ -514,17 +514,19 @@ for (const [kind, sizes, touch] of [
   }, {deviceScaleFactor: 0.25, hasTouch: touch, isMobile: touch});   // coarse, because drawing takes the time
 }
 
-looking('a phone at 200 % has all controls, and its page scrolls', yard, async (page) => {
-  await scoop(page, 1.7e9, 0, 0, 0.3, kNames[3]);
-  await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
-  for (const tab of ['machines', 'measures']) {
-    await page.tap(`[data-tab=${tab}]`);
-    for (const control of await page.locator('button:visible, summary:visible, select:visible, input:visible').all()) {
-      if (await control.evaluate((e) => !e.disabled && getComputedStyle(e).pointerEvents !== 'none')) await control.tap({trial: true});
+for (const [way, viewport] of [['upright', {width: 195, height: 422}], ['on its side', {width: 422, height: 195}]]) {
+  looking(`a phone ${way} at 200 % has all controls, and its page scrolls`, yard, async (page) => {
+    await scoop(page, 1.7e9, 0, 0, 0.3, kNames[3]);
+    await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
+    for (const tab of ['machines', 'measures']) {
+      await page.tap(`[data-tab=${tab}]`);
+      for (const control of await page.locator('button:visible, summary:visible, select:visible, input:visible').all()) {
+        if (await control.evaluate((e) => !e.disabled && getComputedStyle(e).pointerEvents !== 'none')) await control.tap({trial: true});
+      }
+      assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight > innerHeight));
     }
-    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight > innerHeight));
-  }
-}, {viewport: {width: 195, height: 422}, hasTouch: true, isMobile: true});
+  }, {viewport, hasTouch: true, isMobile: true});
+}
 
 looking('a finger draws a boundary, takes a point back and ends it', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);

@@ -35,9 +35,13 @@ auto judged(F read) {
   }
 }
 
-/// Why a run can't be continued; empty if it can.
+/// Why a run or a session can't be continued; empty if it can.
 std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& journal) {
   try {
+    if (is_of_session(journal.config.text)) {
+      check_record_format(journal.config.text, folder);
+      return "";
+    }
     const RunConfig config = parse_run_config(journal.config.text, folder);
     check_motion_unchanged(folder / kJournalName, read_to_dig(config.options), config);
   } catch (const io::InputError& e) {
@@ -136,9 +140,8 @@ void verify_run(const fs::path& folder) {
   for (const RunFile& file : check_files(folder, journal))
     if (!file.outdated) report(file.known.name, file.fault, "good");
   list_unknown(folder, journal);
-  const bool unfinished = !journal.ended && !of_session;
-  const std::string inputs = unfinished ? fault_of_inputs(folder, journal) : "";
-  if (unfinished) report("inputs", inputs, "good");
+  const std::string inputs = journal.ended ? "" : fault_of_inputs(folder, journal);
+  if (of_session ? !inputs.empty() : !journal.ended) report("inputs", inputs, "good");
   if (faults.empty()) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));
     return;
@@ -146,11 +149,11 @@ void verify_run(const fs::path& folder) {
   throw std::runtime_error(fmt::format(
       "{}: {}; the journal is good to {} s{}", folder.string(), fmt::join(faults, "; "),
       time_text(journal.done.time_s),
-      of_session       ? ", from which it goes on"
-      : inputs.empty() ? fmt::format(", from which `soilvdb resume {}` makes what is missing or "
-                                     "damaged anew",
-                                     folder.string())
-                       : ""));
+      !inputs.empty() ? ""
+      : of_session    ? ", from which it goes on"
+                      : fmt::format(", from which `soilvdb resume {}` makes what is missing or "
+                                       "damaged anew",
+                                    folder.string())));
 }
 
 void verify_snapshot(const fs::path& file) {

@@ -124,6 +124,14 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
 
 bool is_of_session(const std::string& bytes) { return io::from_cbor(bytes).contains("session"); }
 
+void check_record_format(const std::string& bytes, const fs::path& folder) {
+  const Json format = io::from_cbor(bytes)["session"];
+  if (format != kRecordFormat)
+    throw io::InputError(folder, fmt::format("is a recording of format {}; this version goes on "
+                                             "with format {}",
+                                             io::to_text(format), kRecordFormat));
+}
+
 RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
   try {
     const Json json = io::from_cbor(bytes);

@@ -28,8 +28,14 @@ std::vector<std::filesystem::path> input_files(const io::Scenario& scenario);
 /// after the dug part may change, see check_motion_unchanged().
 std::string to_bytes(const RunConfig& config, const io::Scenario& scenario);
 
+inline constexpr int kRecordFormat = 2;  ///< format 1 told scans and surveys apart by counts
+
 /// Is it the configuration of a session's recording (Session::record)?
 bool is_of_session(const std::string& bytes);
+
+/// @param bytes a session's configuration
+/// @throw io::InputError unless sessions of this version go on with it
+void check_record_format(const std::string& bytes, const std::filesystem::path& folder);
 
 /// Decodes it, with the present paths of the folder and the scenario.
 /// @throw io::InputError naming an input that has changed or is missing.

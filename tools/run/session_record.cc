@@ -28,8 +28,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using tools::kJournalName;
 
-constexpr int kRecordFormat = 2;  // format 1 told scans and surveys apart by counts
-
 bool ends_no_batch(const io::JournalUpdate&) { return false; }
 
 /// The configuration of a session's journal that is made for this site: the same, or a changed one
@@ -47,12 +45,8 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
     throw io::InputError(folder,
                          "holds a run of `soilvdb run`, which `soilvdb resume` goes on with; name "
                          "another folder");
-  const Json before = io::from_cbor(config);
-  if (before["session"] != kRecordFormat)
-    throw io::InputError(folder, fmt::format("is a recording of format {}; this version goes on "
-                                             "with format {}",
-                                             io::to_text(before["session"]), kRecordFormat));
-  if (const std::string what = difference(before["site"], site); !what.empty())
+  tools::check_record_format(config, folder);
+  if (const std::string what = difference(io::from_cbor(config)["site"], site); !what.empty())
     throw io::InputError(
         folder,
         fmt::format("is a recording of another site: {} differs; name another folder", what));
@@ -122,7 +116,7 @@ io::JournalExtent Session::record(const Recording& given,
     };
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
-      Json all = {{"session", kRecordFormat},
+      Json all = {{"session", tools::kRecordFormat},
                   {"version", SOILVDB_VERSION},
                   {"site", s.description(/*with_ground=*/true)}};
       if (!s.settings.scenario.empty()) all["scenario"] = s.settings.scenario.string();

@@ -19,6 +19,7 @@ std::unique_ptr<soilvdb::tools::MqttBridge> soilvdb::tools::feed_by_mqtt(ServerS
 #include <mosquitto.h>
 #include <mqtt_protocol.h>
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
 #include <condition_variable>
@@ -53,7 +54,6 @@ struct MosquittoLibrary {
                     mosquitto_publish_callback_set, mosquitto_strerror, mosquitto_subscribe,
                     mosquitto_subscribe_callback_set, mosquitto_threaded_set,
                     mosquitto_username_pw_set, mosquitto_want_write, mosquitto_will_set);
-
   MosquittoLibrary() { mosquitto_lib_init(); }
 };
 
@@ -127,8 +127,7 @@ struct MqttLink {
 
   /// The broker has answered.
   void came(int code) {
-    connected = code == 0;
-    if (connected)
+    if (connected = code == 0; connected)
       functions.mosquitto_subscribe(client, nullptr, topic("feed/+").c_str(), kAtLeastOnce);
     else
       refused = functions.mosquitto_connack_string(code);
@@ -151,12 +150,13 @@ struct MqttLink {
     const std::string_view at(message->topic);
     const std::string below = topic("feed/");
     if (!at.starts_with(below) || message->retain) return;
-    const std::size_t more = sizeof(MqttMessage) + at.size() + std::size_t(message->payloadlen);
+    std::string text(static_cast<const char*>(message->payload),
+                     std::min(std::size_t(message->payloadlen), kMostFeed));  // it is refused then
+    const std::size_t more = sizeof(MqttMessage) + at.size() + text.size();
     const std::lock_guard lock(mutex);
     if (bytes + more > kMostWaiting_bytes)
       return warn("brings messages faster than they can be fed; some are lost");
     bytes += more;
-    std::string text(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
     std::string bare = text;  // a link's strings have no blanks
     std::erase_if(bare, [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; });
     const FeedSource::Link link = bare == kLinkLost    ? FeedSource::Link::kLost
