@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "core/constants.h"
@@ -55,7 +56,7 @@ struct PushingFace {
 
 /// A failure plane comes to the ground at (x, z) from the toe.
 struct TrialPlane {
-  double p = kNoForce;
+  double p = kNoForce;  // less than 0: the soil would fail without a push
   double x = 0, z = 0, area = 0, crescent = 0;
   bool last = false;  // at the end of the heights
 };
@@ -202,7 +203,8 @@ class TrialWedge {
     return best;
   }
 
-  WedgeForce force(const TrialPlane& at) const {
+  /// @param pushes what counts of P: none of it if it is less than 0
+  WedgeForce force(const TrialPlane& at, double pushes) const {
     const double length = std::sqrt(at.x * at.x + at.z * at.z);
     const double fg = 1 + of_.weight_share * at.crescent, fc = 1 + of_.plane_share * at.crescent;
     const Angle beta(at.z / length, at.x / length);
@@ -214,30 +216,31 @@ class TrialWedge {
     const double by_adhesion = -face_.length * beta_rake_phi.cosine / beta_all.sine;
     const double load =
         soil_.unit_weight * fg * at.area + slice_.surcharge * fc * (at.x - face_.end_x);
-    const double p = at.p;
+    const double p = pushes * at.p;
     const double by_friction = (load * beta_phi.cosine - soil_.cohesion * fc * length * phi_.sine +
                                 of_.stuck * beta_rake_phi.sine) /
                                    beta_all.sine -
-                               p * cotangent;
-    const double by_tool_friction = -p * cotangent;
+                               at.p * cotangent;
+    const double by_tool_friction = -at.p * cotangent;
     const std::array<double, kWedgeParameters> by = {by_weight, by_cohesion, by_friction,
                                                      by_tool_friction, by_adhesion};
     WedgeForce force;
+    force.push = at.p;
     const double along = rake_delta_.sine, upward = rake_delta_.cosine;
     force.ahead = p * along + of_.stuck * face_.rake.cosine;
     force.up = p * upward - of_.stuck * face_.rake.sine;
-    if (p > 0) {
+    if (pushes > 0) {
       const double side = ((soil_.unit_weight * (fg - 1) * at.area +
                             slice_.surcharge * (fc - 1) * (at.x - face_.end_x)) *
                                beta_phi.sine +
-                           of_.cohesive * (fc - 1) * length) /
-                          beta_all.sine;
+                           of_.cohesive * (fc - 1) * length) *
+                          pushes / beta_all.sine;
       force.side_ahead = side * along;
       force.side_up = side * upward;
     }
     for (std::size_t i = 0; i < by.size(); ++i) {
-      force.d_ahead[i] = by[i] * along;
-      force.d_up[i] = by[i] * upward;
+      force.d_ahead[i] = pushes * by[i] * along;
+      force.d_up[i] = pushes * by[i] * upward;
     }
     force.d_ahead[3] += p * upward;
     force.d_up[3] -= p * along;
@@ -258,9 +261,8 @@ class TrialWedge {
 
  private:
   void try_exit(const Exit& e, bool last, TrialPlane& best) const {
-    const double resists = std::max(0.0, e.resists);
-    if (e.lever > 0 && resists < best.p * e.lever)
-      best = {resists / e.lever, e.x, e.z, e.area, e.crescent, last};
+    if (e.lever > 0 && e.resists < best.p * e.lever)
+      best = {e.resists / e.lever, e.x, e.z, e.area, e.crescent, last};
   }
 
   /// The straight piece of ground that ends at a bend.
@@ -355,8 +357,8 @@ struct SlicedBlade {
 };
 
 /// A body of soil rides before the blade; its face has this angle. Without what it presses on the
-/// ground.
-WedgeForce body_before(const SlicedBlade& cut, double angle) {
+/// ground. @param pushes what counts of P; empty: all of it if it is a push
+WedgeForce body_before(const SlicedBlade& cut, double angle, std::optional<double> pushes = {}) {
   const Angle rake(angle);
   const double toe = cut.end_x + cut.end_z * rake.cosine / rake.sine;
   const PushingFace face{toe, angle, cut.end_z / rake.sine, cut.end_x - toe, cut.end_z, rake};
@@ -370,7 +372,7 @@ WedgeForce body_before(const SlicedBlade& cut, double angle) {
     force.ahead = kNoForce;
     return force;
   }
-  force = wedge.force(exit);
+  force = wedge.force(exit, pushes.value_or(exit.p > 0 ? 1 : 0));
   force.arm /= face.length;  // a share of the face; of the blade, too
   // Friction in the soil is that of the face as well, and cohesion its adhesion.
   for (auto* by : {&force.d_ahead, &force.d_up}) {
@@ -396,30 +398,72 @@ void put_on_ground(WedgeForce& force, double share) {
   force.d_up.fill(0);
 }
 
-WedgeForce with_body(const SlicedBlade& cut, double angle) {
-  WedgeForce force = body_before(cut, angle);
+WedgeForce with_body(const SlicedBlade& cut, double angle, std::optional<double> pushes = {}) {
+  WedgeForce force = body_before(cut, angle, pushes);
   if (force.up > 0) put_on_ground(force, std::tan(cut.soil.friction));
   return force;
 }
 
+/// The angle between two at which something changes its sign, where the least force has a kink.
+struct Kink {
+  static constexpr double kWidth = 2 * kBodyAngleStep;
+  double to, rest;  // from the flatter angle to it, and on to the steeper
+
+  /// @param of what it is at an angle from the flatter one, `flat` at 0 and `steep` at the steeper
+  template <typename F>
+  Kink(double flat, double steep, const F& of)
+      : to(kWidth * flat / (flat - steep)), rest(kWidth - to) {
+    const double here = of(to);
+    const bool is_flat = (here < 0) == (flat < 0);
+    to += ((is_flat ? kWidth : 0) - to) * here / (here - (is_flat ? steep : flat));
+    rest = kWidth - to;
+  }
+
+  /// Of a smooth function, at the kink.
+  double slope(double flat, double here, double steep) const {
+    return ((steep - here) * to / rest + (here - flat) * rest / to) / kWidth;
+  }
+};
+
+/// The body whose P is 0, between two angles. If its force is the least, that is because P is no
+/// pull; then what counts of P is the multiplier of that.
+std::optional<WedgeForce> body_without_push(const SlicedBlade& cut, double low,
+                                            const WedgeForce& flat, const WedgeForce& steep) {
+  const Kink kink(flat.push, steep.push,
+                  [&](double at) { return body_before(cut, low + at).push; });
+  const auto other = [&](double at) { return with_body(cut, low + at, 0.0); };
+  const WedgeForce there = other(kink.to);
+  const Angle way = Angle(low + kink.to) + Angle(cut.soil.friction);
+  const bool presses = there.up == 0;
+  const double by_push = way.sine + (presses ? std::tan(cut.soil.friction) * way.cosine : 0);
+  const double share = -kink.slope(other(0).ahead, there.ahead, other(Kink::kWidth).ahead) /
+                       (by_push * kink.slope(flat.push, there.push, steep.push));
+  if (!(share >= 0 && share <= 1)) return {};
+  return with_body(cut, low + kink.to, share);
+}
+
 /// The body of least force whose angle is nearly known, with derivatives. It presses on the ground,
-/// is lifted off it, or is about to be lifted: then the angle is where it presses no more.
+/// is lifted off it, or is about to be lifted: then the angle is where it presses no more. Likewise
+/// where P begins.
 WedgeForce body_near(const SlicedBlade& cut, double angle, double steepest) {
   const double low = angle - kBodyAngleStep, high = angle + kBodyAngleStep;
   const bool is_flattest = low < kFlattestBody;
   if (is_flattest || high > steepest) {  // the least may be the last that is tried
     const WedgeForce there = with_body(cut, angle);
     const WedgeForce last = with_body(cut, is_flattest ? kFlattestBody : steepest);
-    return last.ahead < there.ahead ? last : there;
+    if (last.ahead < there.ahead) return last;
+    if (!is_flattest) return there;
   }
   const WedgeForce flat = body_before(cut, low), steep = body_before(cut, high);
   if (flat.ahead == kNoForce || steep.ahead == kNoForce) return with_body(cut, angle);
-  const double tangent = std::tan(cut.soil.friction), width = 2 * kBodyAngleStep;
+  const double tangent = std::tan(cut.soil.friction), width = Kink::kWidth;
+  if ((flat.push > 0) != (steep.push > 0))
+    if (const auto force = body_without_push(cut, low, flat, steep)) return *force;
   if ((flat.up < 0) != (steep.up < 0)) {
-    const double to = width * flat.up / (flat.up - steep.up), rest = width - to;
-    WedgeForce force = body_before(cut, low + to);
+    const Kink kink(flat.up, steep.up, [&](double at) { return body_before(cut, low + at).up; });
+    WedgeForce force = body_before(cut, low + kink.to);
     const auto slope = [&](double WedgeForce::*of) {
-      return ((steep.*of - force.*of) * to / rest + (force.*of - flat.*of) * rest / to) / width;
+      return kink.slope(flat.*of, force.*of, steep.*of);
     };
     // The multiplier of "it does not press": of force up for force ahead as the angle changes.
     const double share = -slope(&WedgeForce::ahead) / slope(&WedgeForce::up);
@@ -519,7 +563,7 @@ WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess&
   const double end_x = -length * rake.cosine, end_z = length * rake.sine;
   const TrialWedge wedge(slice, {0, slice.rake, length, end_x, end_z, rake}, soil);
   const TrialPlane exit = wedge.least();
-  if (exit.p < kNoForce) force = wedge.force(exit);
+  if (exit.p < kNoForce) force = wedge.force(exit, exit.p > 0 ? 1 : 0);
   const double all = slice.rake + soil.friction + soil.tool_friction;
   if (all > kLeastAngleWithBody && !guess.hopeless) {
     const double direct = exit.p < kNoForce ? force.ahead : kNoForce;

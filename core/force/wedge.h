@@ -35,15 +35,16 @@ struct SoilSlice {
 struct WedgeForce {
   double ahead = 0, up = 0;            ///< N/m
   double side_ahead = 0, side_up = 0;  ///< the part of soil beside the wedge, on all open sides
-  double arm = 0;                      ///< where it acts: distance from the lip along the blade, m
-  double failure = 0;                  ///< angle of the failure plane with the way ahead, rad
-  double depth = 0;                    ///< of the lip below the ground, m
-  double above = 0;                    ///< area of the wedge's part above the blade, m2
-  double above_x = 0;                  ///< place of its centroid, m
-  bool steep = false;                  ///< a body of soil rides in front of a steep blade
-  bool open = false;                   ///< the wedge ends where the heights do
-  bool buried = false;                 ///< the blade ends below the ground
-  bool stuck = false;  ///< no plane lets the soil fail; the force is then 0 in place of infinite
+  double push = 0;      ///< of the wedge's face on it; less than 0: it would fail without
+  double arm = 0;       ///< where it acts: distance from the lip along the blade, m
+  double failure = 0;   ///< angle of the failure plane with the way ahead, rad
+  double depth = 0;     ///< of the lip below the ground, m
+  double above = 0;     ///< area of the wedge's part above the blade, m2
+  double above_x = 0;   ///< place of its centroid, m
+  bool steep = false;   ///< a body of soil rides in front of a steep blade
+  bool open = false;    ///< the wedge ends where the heights do
+  bool buried = false;  ///< the blade ends below the ground
+  bool stuck = false;   ///< no plane lets the soil fail; the force is then 0 in place of infinite
   std::array<double, kWedgeParameters> d_ahead{}, d_up{};  ///< derivatives by WedgeSoil's members
 };
 

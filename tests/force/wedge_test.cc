@@ -251,9 +251,9 @@ struct Draw {
     });
   }
   WedgeSoil strength() {
-    const double phi = (*this)(0, 42);
-    return soil((*this)(12e3, 21e3), random() % 3 == 0 ? 0 : (*this)(0, 3e4), phi,
-                phi * (*this)(0, 1), random() % 3 == 0 ? (*this)(0, 5e3) : 0);
+    const double phi = (*this)(0, 42), unit_weight = (*this)(12e3, 21e3);
+    const double cohesion = random() % 3 == 0 ? 0 : (*this)(0, 3e4), tool = phi * (*this)(0, 1);
+    return soil(unit_weight, cohesion, phi, tool, random() % 3 == 0 ? (*this)(0, 5e3) : 0);
   }
 };
 
@@ -379,10 +379,12 @@ TEST(Wedge, EndsWhereTheHeightsDo) {
 TEST(Wedge, KnowsThePartOfSoilBesideIt) {
   Draw draw{std::mt19937_64(6)};
   int compared = 0, steep = 0;
-  for (int n = 0; n < 300; ++n) {
+  for (int n = 0; n < 2000; ++n) {
     SCOPED_TRACE(n);
-    const Scene ground = n % 3 == 0 ? sloped(draw(0.1, 0.6), draw(-20, 20)) : draw.ground();
-    SoilSlice slice = ground.slice(draw(20, 100), draw(0.2, 1));
+    const double depth = draw(0.1, 0.6), slope_deg = draw(-20, 20);
+    const Scene ground = n % 3 == 0 ? sloped(depth, slope_deg) : draw.ground();
+    const double rake_deg = draw(20, 100), face = draw(0.2, 1);
+    SoilSlice slice = ground.slice(rake_deg, face);
     if (n % 4 == 0) slice.surcharge = draw(0, 5e3);
     slice.open_sides = draw(0.2, 1.8);
     slice.width = draw(0.3, 2);
@@ -411,8 +413,8 @@ TEST(Wedge, KnowsThePartOfSoilBesideIt) {
     EXPECT_EQ(alone.side_ahead, 0);
     EXPECT_EQ(alone.side_up, 0);
   }
-  EXPECT_GT(compared, 150);
-  EXPECT_GT(steep, 5);
+  EXPECT_GT(compared, 1000);
+  EXPECT_GT(steep, 50);
 }
 
 TEST(Wedge, GrowsWithItsSizeAndItsSoil) {
