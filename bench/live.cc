@@ -250,9 +250,11 @@ void measure_day(const Options& options, Goals& goals, Csv& csv) {
     rss.push_back(server.rss_bytes());
     csv.row(fmt::format("{},{}", (part + 1) * day_s / kParts, rss.back()));
   }
-  const double early = rss[kParts / 4 - 1],
-               late = *std::max_element(rss.begin() + kParts / 4, rss.end());
-  goals.add({"memory after a day over that after a quarter",
+  // What the allocator gives back and takes again isn't growth.
+  const auto quarter = rss.begin() + kParts / 4;
+  const double early = *std::max_element(rss.begin(), quarter),
+               late = *std::max_element(quarter, rss.end());
+  goals.add({"most memory in a day over that in its first quarter",
              100 * (late / early - 1),
              "%",
              2,

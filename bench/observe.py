@@ -14,6 +14,8 @@ import numpy as np
 
 from goals import PROFILE, dug_site, measured, report
 
+MAP_S = 250e-6   # goal for a map of cells of other sizes than the voxels'
+
 
 def drag(step):
     """Position and rotation of a machine that digs strokes of 4 m, 0.3 m deep, at 100 Hz, lifts, and
@@ -137,9 +139,11 @@ def environment(soilvdb, soil, quick):
 
 def controller(soilvdb, quick):
     """A loop at 1 kHz in soil that moves, with a 32 x 32 map each step: how many steps took how long,
-    in bins that double from 16 us, and how many maps; steps over 1 ms, how many of them were in time
-    but for the map, and in how many of these the map's own work was too long: time of its thread,
-    without that in which the system ran other programs. Also how long the updates before those took."""
+    in bins that double from 16 us, and how many maps; steps over 1 ms. A map of cells that aren't the
+    voxels' may take MAP_S, so an update that leaves less of the millisecond makes its step late; other
+    late steps are the map's, by the time of its thread, without that in which the system ran other
+    programs. Also how many steps were late though their update was not, and the shortest of these
+    updates."""
     site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)],
                         soil=soilvdb.Soil(0.61, 0.25))
     into, steps = np.empty((32, 32), np.float32), 600 if quick else 36000
@@ -158,13 +162,13 @@ def controller(soilvdb, quick):
         bins = np.clip(np.ceil(np.log2(times / 16e-6)), 0, 11).astype(int)
         return np.bincount(bins, minlength=12).tolist()
 
-    in_time = update <= 0.001
-    by_work = (update + work > 0.001) & in_time
+    late = update + work > 0.001
+    both = late & (update <= 0.001)
     return {"steps": histogram(whole), "maps": histogram(look), "count": steps,
             "late": int((whole > 0.001).sum()),
-            "late by looking": int(((whole > 0.001) & in_time).sum()),
-            "late by work": int(by_work.sum()),
-            "least update": 1000 * float(update[by_work].min()) if by_work.any() else math.nan,
+            "late by both": int(both.sum()),
+            "late by map": int((late & (update <= 0.001 - MAP_S)).sum()),
+            "least update": 1000 * float(update[both].min()) if both.any() else math.nan,
             "longest work": 1e6 * float(work[1:].max())}
 
 
@@ -201,10 +205,10 @@ def main():
         ("the same, 2 cores over 1", two["moving"] / one["moving"], "", ">= 1.8"),
         (f"a loop at 1 kHz, moving soil, 5 cm, a 32 x 32 map each step: of {two['count']} steps over 1 ms",
          two["late"], "", ""),
-        ("the same, late by the map alone", two["late by looking"], "", "<= 0"),
-        ("the same, by the map's own CPU time", two["late by work"], "", "<= 0"),
-        ("the shortest update before one of these", two["least update"], "ms", ""),
-        ("the longest CPU time of such a map", two["longest work"], "us", ""),
+        ("the same, after an update that left the map 250 us or more", two["late by map"], "", "<= 0"),
+        ("the same, after an update of up to 1 ms", two["late by both"], "", ""),
+        ("the shortest of these updates", two["least update"], "ms", ""),
+        ("the longest CPU time of such a map", two["longest work"], "us", "<= 250"),
         ("sum over a map against the ground's volume", two["misfit"], "samples", "<= 0.01"),
     ]
     report(rows, out)

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -14,6 +16,7 @@
 
 #include "core/constants.h"
 #include "core/lattice/affine.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/height_reader.h"
 
 namespace soilvdb::inline v0 {
@@ -21,6 +24,11 @@ namespace {
 
 /// Points that a thread looks at at a time. With fewer, tasks take time.
 constexpr std::size_t kPointsPerTask = 1 << 12;
+
+/// In place of a height that isn't known yet: a NaN that no computation makes.
+constexpr std::uint64_t kToReadBits = 0x7ff8'0000'5011'5011;
+constexpr double kToRead = std::bit_cast<double>(kToReadBits);
+bool is_to_read(double height) { return std::bit_cast<std::uint64_t>(height) == kToReadBits; }
 
 using Overlap = HeightReader::Overlap;
 
@@ -149,8 +157,25 @@ void HeightMap::fill_at(std::span<const Vec2> xy_m, std::span<double> heights_m,
   const auto is_near = [](const Vec2& at) {
     return at.allFinite() && at.cwiseAbs().maxCoeff() < kMaxIndex;
   };
-  const auto look = [&](const Vec2& xy) {
+  // What nobody touched is as high as the terrain. Of many places it is not read; of a few it is,
+  // so that they are known, and need no memory, when it changes.
+  const bool are_many = xy_m.size() > kPointsPerTask;
+  if (are_many) reader.find_changed();
+  const auto untouched = [&](const Vec2& xy) {
     if (!xy.allFinite()) return HeightReader::kNoGround;
+    if (!are_many) return kToRead;
+    if (const Vec2 at = index(xy); is_near(at)) {
+      const Coord2 low = at.array().floor().matrix().cast<int>();
+      const Coord2 first = floor_to(low, kChunkSide);
+      const Coord2 last = floor_to(Coord2(low + Coord2::Ones()), kChunkSide);
+      for (int x = first.x(); x <= last.x(); x += kChunkSide)
+        for (int y = first.y(); y <= last.y(); y += kChunkSide)
+          if (reader.has_changed({x, y})) return kToRead;
+    }
+    const auto z = ground.terrain().height(xy.x(), xy.y());
+    return z && *z <= ceiling.top_m ? *z : kToRead;
+  };
+  const auto look = [&](const Vec2& xy) {
     const Vec2 at = index(xy);
     const bool changed = is_near(at) && reader.changed.is_any(at);
     double counted = changed ? reader.columns.between(at) : HeightReader::kNoGround;
@@ -173,28 +198,37 @@ void HeightMap::fill_at(std::span<const Vec2> xy_m, std::span<double> heights_m,
                 reader.columns);
     reader.read(first, size, HeightReader::kTouched, ceiling.cell, reader.changed);
   };
+  const auto each = [&](const auto& f) {
+    const std::size_t tasks = (xy_m.size() + kPointsPerTask - 1) / kPointsPerTask;
+    const auto run = [&](std::size_t task) {
+      const std::size_t end = std::min((task + 1) * kPointsPerTask, xy_m.size());
+      for (std::size_t i = task * kPointsPerTask; i < end; ++i) f(i);
+    };
+    if (tasks == 1) return run(0);
+    tbb::parallel_for(std::size_t{0}, tasks, run);
+  };
+  each([&](std::size_t i) { heights_m[i] = untouched(xy_m[i]); });
   Eigen::AlignedBox2d box;
-  for (const Vec2& xy : xy_m)
-    if (const Vec2 at = index(xy); is_near(at)) box.extend(at);
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < xy_m.size(); ++i) {
+    if (!is_to_read(heights_m[i])) continue;
+    ++count;
+    if (const Vec2 at = index(xy_m[i]); is_near(at)) box.extend(at);
+  }
   // All at once, unless most of what is between them were read in vain.
   const double most_columns =
-      std::min<double>(kMapPartColumns, kMapPointColumns * static_cast<double>(xy_m.size()));
+      std::min<double>(kMapPartColumns, kMapPointColumns * static_cast<double>(count));
   for (HeightReader::Columns* columns : {&reader.columns, &reader.changed})
     columns->values.reserve(static_cast<std::size_t>(most_columns));
   const bool at_once = !box.isEmpty() && (box.sizes() + Vec2(3, 3)).prod() < most_columns;
   if (at_once) {
     read(box.min(), box.max());
-    const auto look_from = [&](std::size_t begin) {
-      for (std::size_t i = begin; i < std::min(begin + kPointsPerTask, xy_m.size()); ++i)
-        heights_m[i] = look(xy_m[i]);
-    };
-    const std::size_t tasks = (xy_m.size() + kPointsPerTask - 1) / kPointsPerTask;
-    if (tasks == 1) return look_from(0);
-    tbb::parallel_for(std::size_t{0}, tasks,
-                      [&](std::size_t task) { look_from(task * kPointsPerTask); });
-    return;
+    return each([&](std::size_t i) {
+      if (is_to_read(heights_m[i])) heights_m[i] = look(xy_m[i]);
+    });
   }
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
+    if (!is_to_read(heights_m[i])) continue;
     if (const Vec2 at = index(xy_m[i]); is_near(at)) read(at, at);
     heights_m[i] = look(xy_m[i]);
   }

@@ -13,6 +13,8 @@
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "core/constants.h"
@@ -39,6 +41,7 @@ class HeightReader {
     std::uint64_t initial = 0;  ///< those that were read before anything changed in the tile
     std::array<std::array<double, BaseColumn::kCells>, kSurface + 1> layers;
     bool touched = false;
+    bool changed = false;                           ///< ever: else no chunk is here
     std::array<double, BaseColumn::kCells> before;  // heights, once it is touched
   };
 
@@ -119,9 +122,32 @@ class HeightReader {
     changes_.take(changed_chunks_);
     for (const Coord3& origin : changed_chunks_) {
       const auto known = tiles_.find(plan_key(origin.head<2>()));
-      if (known != tiles_.end()) known->second.known = 0;
+      if (known != tiles_.end()) {
+        known->second.known = 0;
+        known->second.changed = true;
+      } else if (knows_changed_) {
+        changed_elsewhere_.insert(plan_key(origin.head<2>()));
+      }
       if (pages_) pages_->change(origin.head<2>());
     }
+  }
+  /// To be called before has_changed(), after refresh().
+  void find_changed() {
+    if (std::exchange(knows_changed_, true)) return;
+    for (const Coord3& origin : ground().origins()) {
+      const std::uint64_t key = plan_key(origin.head<2>());
+      const auto known = tiles_.find(key);
+      if (known != tiles_.end())
+        known->second.changed = true;
+      else
+        changed_elsewhere_.insert(key);
+    }
+  }
+  /// Has a tile of columns ever changed? Several threads may ask.
+  bool has_changed(const Coord2& tile) const {
+    const auto known = tiles_.find(plan_key(tile));
+    return known != tiles_.end() ? known->second.changed
+                                 : changed_elsewhere_.contains(plan_key(tile));
   }
   /// Of all ground that changed; made by the first call.
   RayPages& pages() {
@@ -139,7 +165,7 @@ class HeightReader {
       throw std::invalid_argument("an area must have at most " + std::to_string(kMaxBaseColumns) +
                                   " times 8 x 8 voxels");
     base_.make_room(static_cast<std::size_t>(tiles));
-    if (tiles_.size() + static_cast<std::size_t>(tiles) > kMaxHeightTiles) tiles_.clear();
+    if (tiles_.size() + static_cast<std::size_t>(tiles) > kMaxHeightTiles) forget_tiles();
     constexpr std::uint64_t kAll = ~std::uint64_t{0};
     for (int cx = first.x(); cx <= last.x(); cx += kChunkSide)
       for (int cy = first.y(); cy <= last.y(); cy += kChunkSide)
@@ -191,9 +217,16 @@ class HeightReader {
     return a.voxel_size_m() == b.voxel_size_m() && a.origin() == b.origin();
   }
 
+  void forget_tiles() {
+    for (const auto& [key, tile] : tiles_)
+      if (tile.changed) changed_elsewhere_.insert(key);
+    tiles_.clear();
+  }
   Tile& kept(const Coord2& cell, std::uint64_t wanted) {
-    if (tiles_.size() >= kMaxHeightTiles && !tiles_.contains(plan_key(cell))) tiles_.clear();
-    Tile& tile = tiles_[plan_key(cell)];
+    if (tiles_.size() >= kMaxHeightTiles && !tiles_.contains(plan_key(cell))) forget_tiles();
+    const auto [at, is_new] = tiles_.try_emplace(plan_key(cell));
+    Tile& tile = at->second;
+    if (is_new) tile.changed = changed_elsewhere_.contains(plan_key(cell));
     if ((wanted & ~tile.known) != 0) read(tile, cell, kNoCeiling, wanted & ~tile.known);
     return tile;
   }
@@ -243,6 +276,8 @@ class HeightReader {
   ChangeFollower changes_;
   std::vector<Coord3> changed_chunks_;  // scratch
   std::unordered_map<std::uint64_t, Tile, PlanHash> tiles_;
+  std::unordered_set<std::uint64_t, PlanHash> changed_elsewhere_;  // tiles that are not kept
+  bool knows_changed_ = false;
   std::unique_ptr<RayPages> pages_;  // null until rays were cast
 
  public:

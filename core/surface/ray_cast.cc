@@ -180,18 +180,18 @@ class GroundRays {
   struct Page {
     Coord2 first;
     const RayPage* page;
+    int level;  ///< of its square, which is wider if nothing changed in it
 
-    bool holds(int x, int y) const {
-      return (((x ^ first.x()) | (y ^ first.y())) & -kRaySide) == 0;
-    }
-    RayPage::Bounds bounds(int level, int x, int y) const {
+    bool holds(int x, int y) const { return ((x ^ first.x()) | (y ^ first.y())) >> level == 0; }
+    RayPage::Bounds bounds(int of_level, int x, int y) const {
       if (page == nullptr) return {-kNoBound, kNoBound};
-      return page->bounds[RayPage::square(level, x - first.x(), y - first.y())];
+      return page->bounds[RayPage::square(of_level, x - first.x(), y - first.y())];
     }
   };
   Page page_at(int x, int y) const {
     const Coord2 first = floor_to(Coord2(x, y), kRaySide);
-    return {first, pages_.find(first, [&](RayPage& p) { make_page(reader_, first, p); })};
+    const RayPage* page = pages_.find(first, [&](RayPage& p) { make_page(reader_, first, p); });
+    return {first, page, page != nullptr ? kRayLevels : pages_.empty_level(first)};
   }
 
   /// @param ranges where they meet the terrain, whatever was dug
@@ -215,14 +215,13 @@ class GroundRays {
     if (begin.low > to.high || terrain.high < begin.low) return true;
     if (begin.high > to.low || terrain.low < begin.high) return false;
     beam.start(begin, box.min(), box.max());
-    std::optional<Page> page;
-    for (int level = kRayLevels; beam.is_in_one(level);) {
+    Page page = page_at(beam.x(), beam.y());
+    for (int level = page.level; beam.is_in_one(level);) {
       const int x = beam.x(), y = beam.y();
-      if (!page || !page->holds(x, y)) page = page_at(x, y);
       const Span over_x = beam.border(0, level), over_y = beam.border(1, level);
       const Span out = min(over_x, over_y), end = max(beam.t(), out);
       if (end.high >= to.low) return false;
-      const RayPage::Bounds bounds = page->bounds(level, x, y);
+      const RayPage::Bounds bounds = page.bounds(level, x, y);
       const Span bound = {end.low < terrain.high ? bounds.changed : bounds.all,
                           end.high < terrain.low ? bounds.changed : bounds.all};
       const Span lowest = beam.lowest(end);
@@ -238,10 +237,12 @@ class GroundRays {
       if (lowest.low <= bound.high || (!is_over_x && over_y.high >= over_x.low)) return false;
       if (beam.t().high <= out.low) from = here;
       beam.leave(is_over_x ? 0 : 1, level, end);
-      if (!page->holds(beam.x(), beam.y()))
-        level = kRayLevels;
-      else if (level < kRayLevels && ((x ^ beam.x()) | (y ^ beam.y())) >> (level + 1) != 0)
+      if (!page.holds(beam.x(), beam.y())) {
+        page = page_at(beam.x(), beam.y());
+        level = page.level;
+      } else if (level < kRayLevels && ((x ^ beam.x()) | (y ^ beam.y())) >> (level + 1) != 0) {
         ++level;
+      }
     }
     return false;
   }
@@ -253,14 +254,12 @@ class GroundRays {
     if (!walk.clip(box.min().cast<double>(), (box.max() + Coord2::Ones()).cast<double>(), from, to))
       return terrain;
     if (terrain < from) return terrain;
-    int level = kRayLevels;
-    if (place) {
+    if (place)
       walk.start(*place, box.max());
-      level = place->level;
-    } else {
+    else
       walk.start(from, box.min(), box.max());
-    }
-    for (Page page = page_at(walk.x(), walk.y());;) {
+    Page page = page_at(walk.x(), walk.y());
+    for (int level = place ? place->level : page.level;;) {
       const double end = std::min(walk.end(level), to);
       const int x = walk.x(), y = walk.y();
       const RayPage::Bounds bounds = page.bounds(level, x, y);
@@ -285,7 +284,7 @@ class GroundRays {
       walk.leave(level, end);
       if (!page.holds(walk.x(), walk.y())) {
         page = page_at(walk.x(), walk.y());
-        level = kRayLevels;
+        level = page.level;
       } else if (level < kRayLevels && ((x ^ walk.x()) | (y ^ walk.y())) >> (level + 1) != 0) {
         ++level;  // in another square of the next level, that is worth a look
       }

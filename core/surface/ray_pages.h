@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "core/lattice/chunk_math.h"
@@ -47,7 +48,10 @@ class RayPages {
     for (const int x : {tile.x() - 1, tile.x()}) {
       for (const int y : {tile.y() - 1, tile.y()}) {
         const Coord2 first = floor_to(Coord2(x, y), kRaySide);
-        Slot& slot = slots_[plan_key(first)];
+        const auto [at, is_new] = slots_.try_emplace(plan_key(first));
+        Slot& slot = at->second;
+        if (is_new)
+          for (std::size_t k = 0; k < kWider; ++k) squares_[k].insert(square_key(k, first));
         if (slot.page.load(std::memory_order_relaxed) != nullptr) --count_;
         slot.page = nullptr;
         slot.first = first;
@@ -65,6 +69,13 @@ class RayPages {
       slot.owned.reset();
     }
     count_ = 0;
+  }
+  /// Where there is no page: the level of a square around it that has none at all.
+  /// @param first quad of a page
+  int empty_level(const Coord2& first) const {
+    std::size_t k = 0;
+    while (k < kWider && !squares_[k].contains(square_key(k, first))) ++k;
+    return kRayLevels + kWiderLevels * static_cast<int>(k);
   }
   /// All quads of pages.
   const Eigen::AlignedBox2i& box() const { return box_; }
@@ -91,6 +102,14 @@ class RayPages {
     std::atomic<const RayPage*> page = nullptr;  // null while it is stale
     Coord2 first = {0, 0};
   };
+  /// Levels of squares wider than pages, and how many levels one is above the last: up to 2^22
+  /// quads.
+  static constexpr std::size_t kWider = 8;
+  static constexpr int kWiderLevels = 2;
+  static std::uint64_t square_key(std::size_t k, const Coord2& first) {
+    const int level = kRayLevels + kWiderLevels * static_cast<int>(k + 1);
+    return plan_key(floor_to(first, 1 << level));
+  }
   /// Largest box that is laid out as a dense array, pages; a wider one is looked up.
   static constexpr double kMaxLaidOut = 1 << 20;
 
@@ -114,6 +133,8 @@ class RayPages {
   }
 
   std::unordered_map<std::uint64_t, Slot, PlanHash> slots_;
+  /// Wider squares with pages, which rays go through at once without.
+  std::array<std::unordered_set<std::uint64_t, PlanHash>, kWider> squares_;
   std::vector<Slot*> plan_;  // row by row of x, null where there is none; empty: too wide
   std::size_t laid_out_ = 0;
   Coord2 size_ = {0, 0};  // of the box, pages

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <random>
 #include <vector>
 
 #include "soilvdb/boundary_volume.h"
@@ -102,6 +103,36 @@ TEST(SessionPlaces, APlaneIsDugInAnyCoordinates) {
   Session far(site_of());
   EXPECT_FALSE(far.update(digger_at({1e12, 0, 0})).ok()) << "nowhere on the earth";
   EXPECT_TRUE(far.update(digger_at({0, 0, 0})).ok());
+}
+
+/// However large the area around it, and whatever it is compared with.
+TEST(SessionPlaces, VolumesToADesignFindANarrowCut) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> any(-1, 1);
+  for (int scene = 0; scene < 4; ++scene) {
+    Session session(site_of());
+    double t = 0;
+    for (int stroke = 0; stroke < 3; ++stroke) {
+      const Vec3 from(4 * any(random), 4 * any(random), -0.3 + 0.1 * any(random));
+      for (int i = 0; i < 20; ++i)
+        ASSERT_TRUE(
+            session.update(digger_at(from + Vec3(0.1 * i, 0, i % 19 == 0 ? 2 : 0), t++)).ok());
+    }
+    const auto terrain = make_plane(0.2, {0.05, 0}), above = make_plane(0.7, {0.05, 0});
+    for (const double side_m : {40.0, 300.0, 3000.0}) {
+      const double a = side_m / 2 + any(random);
+      const std::vector<Vec2> box = {{-a, -a}, {a, -a}, {a, a}, {-a, a}};
+      const BoundaryVolume as_was = session.volume(box, terrain.get());
+      ASSERT_GT(as_was.cut_m3, 0.5);
+      EXPECT_NEAR(as_was.to_design->fill_m3, as_was.cut_m3, 0.01 * as_was.cut_m3) << side_m;
+      EXPECT_NEAR(as_was.to_design->cut_m3, as_was.fill_m3, 0.01 * as_was.cut_m3) << side_m;
+      EXPECT_NEAR(as_was.to_design->area_m2, 4 * a * a, 1e-6 * a * a);
+      const BoundaryVolume raised = session.volume(box, above.get());
+      EXPECT_NEAR(raised.to_design->fill_m3 - 0.5 * 4 * a * a, as_was.cut_m3 - as_was.fill_m3,
+                  0.01 * as_was.cut_m3)
+          << side_m;
+    }
+  }
 }
 
 TEST(SessionPlaces, APourIsAPlaceAsWell) {

@@ -152,6 +152,53 @@ TEST(HeightMap, OnePlaceIsAsAmongMany) {
   }
 }
 
+/// Of many places only those near changed ground are read.
+TEST(HeightMap, ManyPlacesAreAsFew) {
+  std::mt19937_64 random(14);
+  const HeightGrid posts{401, 401, {-20, -20}, {0.1, 0.1}};
+  for (const auto& terrain : {std::shared_ptr<const InitialTerrain>(make_plane(0, {0.1, 0.05})),
+                              raster(posts, [](double x, double y) {
+                                return std::hypot(x - 3, y - 2) < 0.6 ? HeightReader::kNoGround
+                                                                      : 0.4 * std::sin(3 * x + y);
+                              })}) {
+    Ground ground(0.1, Vec3(0, 0, 0), terrain);
+    HeightMap kept(ground);
+    std::vector<Vec2> places;
+    std::uniform_real_distribution<double> wide(-25, 25), near(-3, 3);
+    for (int i = 0; i < 5000; ++i) {
+      auto& place = i % 3 == 0 ? wide : near;
+      places.emplace_back(place(random), place(random));
+    }
+    for (int i = 0; i < 400; ++i)  // columns' middles and borders, and so tiles' borders
+      places.emplace_back(0.05 * (i % 20) - 0.5, 0.05 * (i / 20) - 0.5);
+    places[7] = {HeightReader::kNoGround, 0};
+    places[8] = {1e12, 0};
+    for (const Vec3& move : {Vec3(0, 0, 0), Vec3(1, 0.5, 0), Vec3(12, 7, 0)}) {
+      for (const std::optional<double> ceiling : {std::optional<double>(), {0.05}}) {
+        std::vector<double> all(places.size()), few(1000);
+        kept.at(places, all, ceiling).check();
+        for (std::size_t first = 0; first < places.size(); first += few.size()) {
+          const std::size_t count = std::min(few.size(), places.size() - first);
+          const std::span<const Vec2> some = std::span(places).subspan(first, count);
+          HeightMap(ground).at(some, std::span(few).first(count), ceiling).check();
+          for (std::size_t i = 0; i < count; ++i)
+            ASSERT_TRUE(all[first + i] == few[i] ||
+                        (std::isnan(all[first + i]) && std::isnan(few[i])))
+                << some[i].transpose() << ": " << all[first + i] << ", " << few[i];
+        }
+      }
+      Tracker tracker(ground, {digger()});
+      for (Pose pose : random_way(random)) {
+        pose.position += move;
+        try {
+          tracker.update(0, pose);
+        } catch (const NoGroundError&) {  // it may come to the hole
+        }
+      }
+    }
+  }
+}
+
 TEST(HeightMap, LinesEndWithTheTerrain) {
   const HeightGrid posts{41, 41, {-2.02, -2.02}, {0.1, 0.1}};
   Ground ground(0.1, Vec3(0, 0, 0), raster(posts, [](double x, double y) { return x + 2 * y; }));

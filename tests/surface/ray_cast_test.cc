@@ -491,6 +491,37 @@ TEST(RayCast, CutsMayBeFarApart) {
   EXPECT_NEAR(cast_one(heights, high, end - high), (end - high).norm() * 300.05 / 300, 1e-6);
 }
 
+/// What is dug elsewhere changes no range to here, alone or among neighbours, and takes no time.
+TEST(RayCast, GroundBetweenCutsIsPassedAtOnce) {
+  constexpr double kFarX = 150'000, kFarY = 70'000;
+  const auto dug = [](bool far, std::unique_ptr<Ground>& ground) {
+    ground = std::make_unique<Ground>(0.05, Vec3(0, 0, 0), make_plane(0, {0, 0}));
+    Tracker tracker(*ground, {digger()});
+    for (const double x : {0.0, kFarX}) {
+      if (x > 0 && !far) continue;
+      for (Pose pose : drag({-2, 0, 0.1}, 4, 0.5, 12)) {
+        pose.position += Vec3(x, x * kFarY / kFarX, 0);
+        tracker.update(0, pose);
+      }
+    }
+  };
+  std::unique_ptr<Ground> one, two;
+  dug(false, one);
+  dug(true, two);
+  HeightMap of_one(*one), of_two(*two);
+  std::mt19937_64 random(13);
+  Rays rays = random_rays(random, 2000, {0, 0, 1});
+  for (int n = 0; n < 2000; ++n)  // a picture's neighbours, some of which look to the far cut
+    rays.add({-4, -3, 1.5}, {1, 0.4 + 1e-4 * n, -0.4 + 2e-4 * n});
+  const std::vector<double> near = cast(of_one, rays);
+  EXPECT_EQ(cast(of_two, rays), near);
+  Rays level;
+  for (int n = 0; n < 2000; ++n) level.add({0, 0, 0.3 + 1e-3 * n}, {kFarX, kFarY, 1});
+  const std::clock_t begin = std::clock();
+  for (const double range : cast(of_two, level)) EXPECT_EQ(range, kInfinite);
+  EXPECT_LT(std::clock() - begin, cpu_s(0.1)) << "50 us a ray over 50 000 empty pages";
+}
+
 TEST(RayCast, UndergroundIsThereAtOnce) {
   Work work(make_plane(0.2, {0, 0}), 10);
   for (int n = 0; n < 20; ++n) work.step();

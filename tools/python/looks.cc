@@ -293,7 +293,8 @@ void bind_volume(py::class_<Site>& site, py::module_& m) {
       "Cut and fill inside a boundary against the terrain, counted sample by sample. boundary: "
       "corners (N, 2), m, world; the last connects to the first. Parts of an area sum to the "
       "whole. design: a Terrain; then to_cut_m3 and to_fill_m3 say what is left to do, summed "
-      "over at most 250 000 places. sigma: then sigma_m3 says how well net_m3 is known. Raises "
+      "over at most 250 000 places, and where ground changed over a place in each voxel's column, "
+      "at most a million. sigma: then sigma_m3 says how well net_m3 is known. Raises "
       "ValueError if sides of the boundary cross, or "
       "without any ground inside.");
 }

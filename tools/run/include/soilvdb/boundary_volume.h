@@ -38,7 +38,8 @@ struct BoundaryVolume {
 /// @param before of the same lattice and initial terrain as the site's ground
 /// @param boundary corners in the world, m; the last connects to the first; inside by the even-odd
 ///        rule
-/// @param design null: none. Its volumes are sums over some 250 000 places at most.
+/// @param design null: none. Its volumes are sums over places: 250 000 at most, and where ground
+///        changed instead one in each voxel's column, up to a million.
 /// @throw std::invalid_argument for less than 3 or more than 4096 corners, one beyond 1e9 m, if
 ///        sides of the boundary cross, or without any ground inside
 BoundaryVolume volume_inside(const io::Site& site, const Ground& before,
