@@ -130,6 +130,12 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   return all;
 }
 
+bool SurveyState::tells_of_errors(const SurveyTile& tile, std::size_t i,
+                                  const ColumnResidual& residual) const {
+  return residual.weight > 0 && !is_other(tile.columns[i]) &&
+         kBendFloor * tile.bends[i] * voxel_m() < kMostBendErrorM;
+}
+
 Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
   const int side = block_side(), n = static_cast<int>(i);
   const auto part = [&](int at) { return at >= 0 ? at / side : -1 - (-1 - at) / side; };
@@ -148,7 +154,7 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   const SurveyColumn& column = tile.columns[i];
   Eigen::VectorXd sees(error_count());
   const ColumnResidual residual = residual_of(tile, i, sees);
-  if (residual.weight <= 0 || column.origin == kSurveyed || is_other(column)) return;
+  if (column.origin == kSurveyed || !tells_of_errors(tile, i, residual)) return;
   if (square(residual.residual) >
       square(kColumnGate) * (column.variance + prior().maxCoeff() + 1 / residual.weight))
     return;
@@ -606,7 +612,7 @@ class SurveyState::SeenColumns {
           if (what != Sums::kErrors) error = &error_of(c.block);
         }
         BlockSums& part = at->second;
-        if (!is_other(c.column()) && c.residual.weight > 0) {
+        if (state_.tells_of_errors(*c.tile, c.i, c.residual)) {
           told_ = sees(n);
           if (c.lip >= 0) told_[c.lip] -= 1;
           part.told.add(c.residual, told_, state_.place_in(c.block, *c.tile, c.i));

@@ -30,6 +30,10 @@ inline constexpr int kOfSensor = 4;
 /// Share of the variance of a column's own error that is alike in its block.
 inline constexpr double kAlikeShare = 0.5;
 
+/// Errors of heights by the ground's bend, m, from which on a column tells nothing of errors that
+/// it shares: at edges and feet, also of what scans found, many columns err to one side.
+inline constexpr double kMostBendErrorM = 0.02;
+
 /// What is known, apart from the ground.
 struct SurveyRecord {
   using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
@@ -134,6 +138,8 @@ struct SurveyState : SurveyRecord {
                              Eigen::Ref<Eigen::VectorXd> sees) const;
   /// The only common error on which a column's predicted height depends, one to one; -1: none.
   Eigen::Index lip_of(const SurveyColumn& column) const;
+  /// Does a column that rays met tell of the errors that it shares?
+  bool tells_of_errors(const SurveyTile& tile, std::size_t i, const ColumnResidual& residual) const;
   Eigen::VectorXd prior() const;
   Eigen::Index error_count() const;
   /// The first of a sensor's common errors.
