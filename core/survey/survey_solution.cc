@@ -466,10 +466,17 @@ void SurveyState::add_volume(BlockSums& to, const SurveyColumn& column,
   if (!is_corrected) off += voxel_m() * (column.first - column.top) + correction.mean;
   const double own = area_m2 * std::sqrt(correction.own);
   const double seen = residual.weight * correction.own;  // share that measurements have in it
-  // What scans found to be another height errs by itself.
-  const bool alone = is_other(column);
-  to.apart += square(own) * (alone ? 1 : seen);
-  if (!alone) to.near_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
+  if (is_other(column)) {
+    // What scans measured to be another height errs by itself; what they only say is another errs
+    // as what is about it.
+    if (residual.weight > 0)
+      to.apart += square(own);
+    else
+      to.untold_m3 += own;
+  } else {
+    to.apart += square(own) * seen;
+    to.near_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
+  }
   to.alike_m3 += area_m2 * correction.alike;
   to.volume_on += area_m2 * correction.on;
   to.off_m3 += area_m2 * off;

@@ -203,7 +203,8 @@ struct SurveyState : SurveyRecord {
     void add(const BlockSums& sums, const BlockError& block) {
       on_ += sums.volume_on + sums.alike_m3 * block.on;
       off_m3_ += sums.off_m3 - sums.alike_m3 * block.mean;
-      variance_ += sums.apart + sums.alike_m3 * sums.alike_m3 * block.variance;
+      variance_ += sums.apart + sums.alike_m3 * sums.alike_m3 * block.variance +
+                   sums.untold_m3 * sums.untold_m3;
     }
     double sigma_m3() const;
 

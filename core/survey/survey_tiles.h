@@ -124,6 +124,7 @@ struct BlockSums {
   double alike_m3 = 0;        ///< and on what errs alike in the block
   double apart = 0;           ///< variance of what errs column by column, m^6
   double near_m3 = 0;         ///< sigma of what else errs alike in a tile
+  double untold_m3 = 0;       ///< sigma of columns that are others, but scans do not tell how high
 
   void add(const BlockSums& other) {
     told.add(other.told);
@@ -134,6 +135,7 @@ struct BlockSums {
     volume_on += other.volume_on;
     apart += other.apart + other.near_m3 * other.near_m3;
     alike_m3 += other.alike_m3;
+    untold_m3 += other.untold_m3;
   }
 };
 

@@ -617,6 +617,30 @@ def test_the_error_of_a_volume_is_as_large_as_its_sigma_says():
     assert 0.3 < np.sqrt(np.mean(np.square(shares))) < 1.5
 
 
+def test_ground_of_which_few_rays_tell_has_a_sigma_as_large_as_its_error():
+    sensor, rng = camera((2, -1, 5), looking(1.2)), np.random.default_rng(11)
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 4, VOXEL) + 0.01, np.arange(-2, 2, VOXEL) + 0.01))
+    shares = []
+    for _ in range(8):
+        radius, depth, pit = rng.uniform(0.5, 0.9), rng.uniform(0.25, 0.5), rng.uniform((1, -1), (3, 1))
+        inside = np.hypot(x - pit[0], y - pit[1]) < radius
+        ends = np.stack([x, y, -depth * inside], 1)
+        # A ray for each column; fewer than 8 of them don't tell how high it is.
+        for scans in (3, 5, 8):
+            site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+            site.place(0, position=(-8, -8, 4))
+            for _ in range(scans):
+                way = ends - sensor.position
+                ranges = np.linalg.norm(way, axis=1, keepdims=True)
+                site.scan(sensor, sensor.position + way * (1 + rng.normal(0, 0.004, ranges.shape) / ranges),
+                          world=True)
+            site.apply_scans()
+            volume = site.volume(square(-0.5, -2.5, 5.0), sigma=True)
+            shares.append((volume.net_m3 + depth * inside.sum() * VOXEL**2) / volume.sigma_m3)
+    assert np.max(np.abs(shares)) < 4
+    assert 0.1 < np.sqrt(np.mean(np.square(shares))) < 2
+
+
 def pouring(z=0.0, volume=1.0):
     return soilvdb.Site(VOXEL, soilvdb.plane(z), [soilvdb.Bucket(1.2, 0.9)], soil=LOAM,
                         pours=[soilvdb.Pour(at=(1, 0, 3), time=(1, 2), volume=volume)])
