@@ -740,6 +740,26 @@ def test_rays_meet_the_heights(soil):
             site.cast(origins, directions)
 
 
+def test_looks_in_pieces_are_as_at_once():
+    """Long looks handle signals between their pieces."""
+    site = make_site()
+    site.update_path(0, positions=dig()[0])
+    xy = np.random.default_rng(9).uniform((-4, -2), (3, 2), (300_000, 2))
+    heights = site.heights(xy)
+    assert (heights == np.concatenate([site.heights(some) for some in np.array_split(xy, 5)])).all()
+    assert heights.min() < -0.3 and heights.max() == 0
+    where = {"origin": (-3.0 - 0.049, -0.6 - 0.049), "layer": "dug"}
+    fine = site.height_map(shape=(1250, 4000), cell=0.002, **where)
+    coarse = site.height_map(origin=(-3.0, -0.6), shape=(25, 80), cell=0.1, layer="dug")
+    assert fine.reshape(25, 50, 80, 50).mean((1, 3)) == pytest.approx(coarse, abs=1e-9)
+    assert coarse.max() > 0.3
+    few = xy[:1000]
+    many = np.resize(np.c_[few, np.full(1000, 3.0)], (1_100_000, 3))  # one after the other, again
+    many[-100_000:, 2] = 4
+    ranges = site.cast(many, np.broadcast_to((0.0, 0.0, -1.0), many.shape))
+    assert ranges == pytest.approx(many[:, 2] - np.resize(heights[:1000], 1_100_000), abs=1e-6)
+
+
 def test_a_machine_is_placed_elsewhere(soil):
     site = make_site(soil)
     site.update_path(0, positions=dig()[0][:40], rotations=dig()[1][:40])

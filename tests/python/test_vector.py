@@ -225,6 +225,40 @@ def test_arrays_go_to_other_libraries_without_a_copy(start):
             env.height_map(machine=0, shape=(3, 4), cell=0.2, out=bad)
 
 
+def test_arrays_that_cant_be_filled_are_refused(start):
+    look = {"machine": 0, "shape": (3, 4), "cell": 0.2}
+    env = soilvdb.VectorSite(start, COUNT)
+    env.step(0, positions=np.zeros((COUNT, 3)))
+    whole = np.zeros((COUNT, 3, 8))
+    read_only = np.zeros((COUNT, 3, 4))
+    read_only.flags.writeable = False
+    unaligned = np.zeros(8 * COUNT * 12 + 1, np.uint8)[1:].view(float).reshape(COUNT, 3, 4)
+    for bad in (whole[:, :, ::2], whole[:, :, :4], read_only, unaligned, np.zeros((COUNT, 4, 3)),
+                np.zeros((COUNT, 3, 4), ">f8"), np.zeros((COUNT, 3, 4), int)):
+        before = bad.copy()
+        with pytest.raises(ValueError, match=r"out must be a writable .* shape \(5, 3, 4\)"):
+            env.height_map(**look, out=bad)
+        assert (bad == before).all()
+
+
+def test_sites_that_begin_anew_are_where_work_was_said_to_be_and_as_strict():
+    far = (5e5, 5.4e6, 300.0)
+    near = soilvdb.Site(0.1, soilvdb.plane(300.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], near=far,
+                        limits=False)
+    env = soilvdb.VectorSite(near, 2)
+    env.randomise(z=[299.0, 301.0])
+    for site, z in zip(env.sites, (299.0, 301.0)):
+        alone = soilvdb.Site(0.1, soilvdb.plane(z), [soilvdb.Bucket(1.2, 0.9, PROFILE)], near=far)
+        assert site.save() == alone.save() and not site.limits
+        with pytest.raises(ValueError, match="near"):
+            site.height_map(origin=(0, 0), shape=(2, 3), cell=0.1)
+    env, strict = soilvdb.VectorSite(near, 2), near.clone()
+    strict.limits = True
+    for states in (strict, strict.save(), [strict, near]):
+        env.reset(states=states)
+        assert [site.limits for site in env.sites] == [False, False]
+
+
 def test_wrong_calls_are_told(start):
     env = soilvdb.VectorSite(start, 2)
     env.step(0, positions=np.zeros((2, 3)))
