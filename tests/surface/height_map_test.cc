@@ -115,6 +115,26 @@ TEST(HeightMap, KeepsNothingThatIsNoLongerSo) {
   EXPECT_EQ(map_of(kept, grid, MapLayer::kHeight), map_of(of_clone, grid, MapLayer::kHeight));
 }
 
+/// Of a ground whose columns are elsewhere, or of other voxels.
+TEST(HeightMap, OthersTellNothingThatIsNotSo) {
+  const std::shared_ptr<const InitialTerrain> terrain = make_plane(1, {0.4, -0.3});
+  Ground first(0.1, Vec3(0, 0, 0), terrain);
+  HeightMap of_first(first);
+  const MapGrid grid = over_site(0.25, {0.03, 0.02});
+  map_of(of_first, grid, MapLayer::kHeight);
+  for (const double h : {0.1, 0.2}) {
+    for (const Vec3& origin : {Vec3(0, 0, 0), Vec3(0.33, 0.14, 0), Vec3(0, 0, -3)}) {
+      Ground ground(h, origin, terrain);
+      Tracker tracker(ground, {digger()});
+      std::mt19937_64 random(17);
+      for (const Pose& pose : random_way(random)) tracker.update(0, pose);
+      HeightMap told(ground, of_first), fresh(ground);
+      for (const MapLayer layer : {MapLayer::kHeight, MapLayer::kDug})
+        EXPECT_EQ(map_of(told, grid, layer), map_of(fresh, grid, layer)) << origin.transpose();
+    }
+  }
+}
+
 /// Whoever looks first, and at whatever else.
 TEST(HeightMap, OnePlaceIsAsAmongMany) {
   std::mt19937_64 random(3);
@@ -293,6 +313,43 @@ TEST(HeightMap, TurnsWithTheLip) {
   }
 }
 
+TEST(HeightMap, TurnsWithTheMouthWhereTheLipStandsUpright) {
+  for (const double yaw : {0.0, 0.4, 3.0, -2.0}) {
+    for (const double roll : {-std::numbers::pi / 2, -1.2, 0.9, std::numbers::pi / 2}) {
+      const Pose pose{{0, 0, 0}, from_rpy(roll, 0, yaw)};
+      const MapGrid grid = MapGrid::around({1, 2}, 0.1, 7, 5, &pose);
+      EXPECT_LT((grid.along - Vec2(std::cos(yaw), std::sin(yaw))).norm(), 1e-9)
+          << yaw << ", " << roll;
+    }
+  }
+}
+
+/// Its points are a voxel apart or closer, so none of them is farther than 0.71 voxels away.
+TEST(HeightMap, ATurnedCellShowsEachColumnWhoseMiddleItHolds) {
+  constexpr double h = 0.1;
+  Ground ground(h, Vec3(0, 0, 0), make_plane(0, {0, 0}));
+  SampleWords deep{};
+  for (int z = 0; z < kChunkSide; ++z)
+    deep[static_cast<std::size_t>(cell_number({3, 5, z}))] = kAllSoil;
+  GroundWriter(ground).remove({0, 0, -8}, deep);
+  HeightMap heights(ground);
+  const Vec2 column(3 * h, 5 * h);
+  for (const double yaw : {0.3, 0.785, 2.0}) {
+    const Pose pose{{0, 0, 0}, from_rpy(0, 0, yaw)};
+    for (const double side : {0.9, 1.2, 1.45, 1.9, 2.4}) {
+      for (const double u : {-0.49, -0.2, 0.3, 0.49}) {
+        for (const double v : {-0.49, 0.1, 0.49}) {
+          MapGrid grid = MapGrid::around(column, side * h, 1, 1, &pose);
+          const Vec2 left(-grid.along.y(), grid.along.x());
+          grid.first_m += side * h * (u * grid.along + v * left);
+          EXPECT_GT(map_of(heights, grid, MapLayer::kDug)[0], 0.01 * h)
+              << yaw << ", " << side << ", " << u << ", " << v;
+        }
+      }
+    }
+  }
+}
+
 /// A cave below a plane, a trench beside, and ground that is as it was.
 struct Cave : Ground {
   Cave() : Ground(0.1, Vec3(0, 0, 0), make_plane(2, {0, 0})) {
@@ -349,6 +406,29 @@ TEST(HeightMap, EndsWithTheTerrain) {
   heights.at(places, z).check();
   EXPECT_NEAR(z[0], 0.5, 1e-9);
   for (const std::size_t i : {1, 2, 3}) EXPECT_TRUE(std::isnan(z[i])) << i;
+}
+
+/// A small hole at the corner of four columns, of which each has it at another corner.
+TEST(HeightMap, EndsInEachColumnThatAHoleReaches) {
+  HeightGrid posts;
+  posts.nx = posts.ny = 101;
+  posts.first = {-0.5, -0.5};
+  posts.spacing = {0.01, 0.01};
+  Ground ground(0.1, Vec3(0, 0, 0), raster(posts, [](double x, double y) {
+                  const bool hole = std::abs(x - 0.05) < 0.015 && std::abs(y - 0.15) < 0.015;
+                  return hole ? std::numeric_limits<double>::quiet_NaN() : 0.04;
+                }));
+  HeightMap heights(ground);
+  const MapGrid grid{{-0.3, -0.3}, 0.1, 7, 7};
+  const std::vector<double> map = map_of(heights, grid, MapLayer::kHeight);
+  for (int i = 0; i < grid.ny; ++i) {
+    for (int j = 0; j < grid.nx; ++j) {
+      const Vec2 from_hole = grid.middle_m(i, j) - Vec2(0.05, 0.15);
+      EXPECT_EQ(std::isnan(map[static_cast<std::size_t>(i * grid.nx + j)]),
+                from_hole.cwiseAbs().maxCoeff() < 0.06)
+          << from_hole.transpose();
+    }
+  }
 }
 
 // A hole that misses the middles and corners of columns of voxels, so that no voxel is ever full.

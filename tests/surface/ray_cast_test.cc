@@ -116,7 +116,7 @@ double expect_along(HeightMap& heights, const Rays& rays, double step_m, double 
 
 TEST(RayCast, StopsWhereHeightsSayThatGroundIs) {
   const auto raster_with_holes = [] {
-    const HeightGrid grid{61, 55, {-6.03, -5.02}, {0.2, 0.2}};
+    const HeightGrid grid{61, 91, {-6.03, -5.02}, {0.2, 0.12}};
     return raster(grid, [](double x, double y) {
       const bool hole = std::hypot(x - 0.4, y) < 0.5 || (x > 2.9 && y > 1.3);
       return hole ? kNotANumber : 0.3 * std::sin(2 * x) * std::cos(3 * y);
