@@ -9,8 +9,10 @@
 #include <limits>
 #include <memory>
 #include <random>
+#include <utility>
 #include <vector>
 
+#include "core/ground/ray_terrain.h"
 #include "core/lattice/chunk_math.h"
 #include "soilvdb/initial_terrain.h"
 
@@ -229,6 +231,53 @@ TEST(HeightField, ABoxIsCalledAirOrSoilWhereAllItsPointsAre) {
   }
   EXPECT_GT(air, 1000);
   EXPECT_GT(soil, 1000);
+}
+
+TEST(HeightField, AtAHoleABoxIsKnownOnlyAboveAllGroundAroundIt) {
+  const auto posts = height_field_test::posts(0.5);
+  const auto terrain = field(posts);
+  std::mt19937 random(10);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution(low, high)(random);
+  };
+  int known = 0, unknown = 0;
+  for (int k = 0; k < 5'000; ++k) {
+    // Some of its patches have the hole, at (66, 63), as a corner.
+    const Vec2 low(between(64.2, 66.9), between(61.2, 63.9)), high = low + Vec2(0.9, 0.9);
+    const double z = between(-1, 1);
+    double highest = -9.0;
+    for (int y = static_cast<int>(low.y()); y <= static_cast<int>(high.y()) + 1; ++y) {
+      for (int x = static_cast<int>(low.x()); x <= static_cast<int>(high.x()) + 1; ++x)
+        if (x != 66 || y != 63) highest = std::max(highest, posts->post(x, y));
+    }
+    const Vec2 a = posts->place(low.x(), low.y()), b = posts->place(high.x(), high.y());
+    const bool is_known = terrain->has_data({Vec3(a.x(), a.y(), z), Vec3(b.x(), b.y(), 9.0)});
+    ++(is_known ? known : unknown);
+    EXPECT_EQ(is_known, z >= highest) << low.transpose();
+  }
+  EXPECT_GT(known, 1000);
+  EXPECT_GT(unknown, 1000);
+}
+
+TEST(HeightField, WhatIsForgottenTakesNoMemoryAndIsReadAgain) {
+  const auto posts = height_field_test::posts(0.5);
+  const auto terrain = field(posts);
+  const auto& rays = dynamic_cast<const RayTerrain&>(*terrain);
+  const std::uint64_t none = terrain->memory_bytes();
+  const Vec2 end = posts->place(kNx - 1, kNy - 1);
+  const Vec3 origin(posts->grid.first.x(), posts->grid.first.y(), 3);
+  const Vec3 direction = Vec3(end.x() - origin.x(), end.y() - origin.y(), -3.3).normalized();
+  const auto look = [&] {
+    const double met = rays.meet(origin, direction, 0);
+    return std::pair(terrain->height(end.x(), end.y()).value(), met);
+  };
+  const auto first = look();
+  const std::uint64_t read = terrain->memory_bytes();
+  EXPECT_GE(read - none, std::uint64_t{kNx} * sizeof(float));
+  terrain->forget();
+  EXPECT_LE(terrain->memory_bytes(), none);
+  EXPECT_EQ(look(), first);
+  EXPECT_EQ(terrain->memory_bytes(), read);
 }
 
 }  // namespace height_field_test

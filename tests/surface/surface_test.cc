@@ -228,5 +228,29 @@ TEST(SurfaceMeshOfSamples, KeepsAWallAndASlotOneVoxelThick) {
   }
 }
 
+/// Also where triangles meet.
+TEST(SurfaceHeight, AtVerticesIsThatBesideThem) {
+  for (const Solid& solid : known_solids()) {
+    const auto ground = sampled(solid, 0.1);
+    SurfaceHeight heights(*ground);
+    std::int64_t alone = 0, looked = 0;
+    for (const Eigen::Vector3f& point : mesh_all(*ground).points) {
+      const Vec2 at = ground->origin().head<2>() + point.head<2>().cast<double>();
+      constexpr double kBeside = 1e-7;
+      double low = 1e9, high = -1e9;
+      for (const Vec2& beside : {Vec2(1, 2), Vec2(-2, 1), Vec2(-1, -2), Vec2(2, -1)}) {
+        const Vec2 near = at + kBeside * beside;
+        const double z = heights.at(near.x(), near.y()).value_or(-1e9);
+        low = std::min(low, z);
+        high = std::max(high, z);
+      }
+      const double z = heights.at(at.x(), at.y()).value_or(-1e9);
+      alone += z < low - 1e-3 || z > high + 1e-3;
+      ++looked;
+    }
+    EXPECT_EQ(alone, 0) << solid.name << ", of " << looked;
+  }
+}
+
 }  // namespace surface_test
 }  // namespace soilvdb::test
