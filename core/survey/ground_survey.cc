@@ -358,7 +358,7 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
       const BlockError error = s.error_of(block);
       const ColumnResidual residual = s.residual_of(tile, n, sees);
       s.correct(column, residual, error, sees, correction);
-      s.add_volume(parts_of.try_emplace(block, s.error_count()).first->second, column, residual,
+      s.add_volume(parts_of.try_emplace(block, s.error_count()).first->second, tile, n, residual,
                    error, correction, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts), false);
     }
     for (const auto& [block, part] : parts_of)

@@ -458,21 +458,37 @@ double SurveyState::height_variance(const SurveyTile& tile, std::size_t i) const
   return errors.variance(correction, block) + off * off;
 }
 
-void SurveyState::add_volume(BlockSums& to, const SurveyColumn& column,
+double SurveyState::untold_about(const SurveyTile& tile, std::size_t i) {
+  const int x = static_cast<int>(i) / kChunkSide, y = static_cast<int>(i) % kChunkSide;
+  int all = 0, untold = 0;
+  for (int u = std::max(0, x - 1); u <= std::min(kChunkSide - 1, x + 1); ++u) {
+    for (int v = std::max(0, y - 1); v <= std::min(kChunkSide - 1, y + 1); ++v) {
+      if (u == x && v == y) continue;
+      const auto n = static_cast<std::size_t>(u * kChunkSide + v);
+      const bool is_met = std::any_of(tile.sums.begin(), tile.sums.end(),
+                                      [&](const auto& sums) { return sums.second[n].rays > 0; });
+      ++all;
+      untold += is_other(tile.columns[n]) && !is_met;
+    }
+  }
+  return static_cast<double>(untold) / all;
+}
+
+void SurveyState::add_volume(BlockSums& to, const SurveyTile& tile, std::size_t i,
                              const ColumnResidual& residual, const BlockError& block,
                              const CommonErrors::Correction& correction, double area_m2,
                              bool is_corrected) const {
+  const SurveyColumn& column = tile.columns[i];
   double off = correction.on.dot(errors.mean()) + correction.alike * errors.mean_of(block);
   if (!is_corrected) off += voxel_m() * (column.first - column.top) + correction.mean;
   const double own = area_m2 * std::sqrt(correction.own);
   const double seen = residual.weight * correction.own;  // share that measurements have in it
   if (is_other(column)) {
     // What scans measured to be another height errs by itself; what they only say is another errs
-    // as what is about it.
-    if (residual.weight > 0)
-      to.apart += square(own);
-    else
-      to.untold_m3 += own;
+    // as those about it do.
+    const double alike = residual.weight > 0 ? 0 : untold_about(tile, i);  // of the variance
+    to.apart += square(own) * (1 - alike);
+    to.untold_m3 += own * std::sqrt(alike);
   } else {
     to.apart += square(own) * seen;
     to.near_m3 += own * std::sqrt(std::max(0.0, 1 - seen));
@@ -630,7 +646,7 @@ class SurveyState::SeenColumns {
         part.on += correction_.on;
         part.alike += correction_.alike;
         if (what == Sums::kVolumes && (c.is_corrected || !is_datum(c.column())))
-          state_.add_volume(part, c.column(), c.residual, *error, correction_,
+          state_.add_volume(part, *c.tile, c.i, c.residual, *error, correction_,
                             square(state_.voxel_m()), c.is_corrected);
       }
       for (const auto& [block, part] : parts) changed.insert(block);

@@ -192,9 +192,12 @@ struct SurveyState : SurveyRecord {
   /// Tiles of the blocks whose corrections would be others with the present common errors.
   Tiles moved();
   /// Adds an area of a column to the error of a volume. @param correction as correct() has it
-  void add_volume(BlockSums& to, const SurveyColumn& column, const ColumnResidual& residual,
-                  const BlockError& block, const CommonErrors::Correction& correction,
-                  double area_m2, bool is_corrected) const;
+  void add_volume(BlockSums& to, const SurveyTile& tile, std::size_t i,
+                  const ColumnResidual& residual, const BlockError& block,
+                  const CommonErrors::Correction& correction, double area_m2,
+                  bool is_corrected) const;
+  /// Of the columns around one in its tile, the share of those that scans only say are others.
+  static double untold_about(const SurveyTile& tile, std::size_t i);
   /// Sigma of the volume of all columns that were added. Each block at most once.
   class VolumeError {
    public:
