@@ -218,6 +218,20 @@ TEST(GroundWindow, SeesAPitThatGoesBelowTheBaseAndALedgeOverIt) {
   EXPECT_EQ(top().bank, -48.5);
 }
 
+/// The ground below is in another chunk, where nobody touched it.
+TEST(GroundWindow, TellsWhatHangsOverUntouchedGround) {
+  for (const double height : {-9.0, -3.1, -2.9, -2.2, -1.8, -1.2, -0.7}) {  // voxels
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(kVoxel * height, {0, 0}));
+    SampleWords cell{};
+    cell[3 << 6 | 3 << 3] = kAllSoil;  // down to -0.5, over a voxel down to -1.5
+    GroundWriter(ground).add({0, 0, 0}, cell, GroundWriter::Kind::kLoose);
+    const GroundWindow window(ground, {3, 3}, 1, 1);
+    const bool hangs = height < -1.5;
+    EXPECT_EQ(window.has_hanging(), hangs) << height;
+    EXPECT_EQ(window.at(0, 0).hangs, hangs ? 64 : 0) << height;
+  }
+}
+
 /// Ground that reaches into a chunk by less than a sample, and is dug away below that.
 TEST(GroundWindow, SeesAPitWhoseRimIsAHairAboveChunks) {
   Ground ground(kVoxel, Vec3::Zero(), make_plane(-0.05 + 0.0002, {0, 0}));

@@ -107,6 +107,9 @@ TEST(HeightMap, KeepsNothingThatIsNoLongerSo) {
       kept.at(places, a).check();
       fresh.at(places, b).check();
       ASSERT_EQ(a, b);
+      for (const auto& [heights, out] : {std::pair(&kept, &a), {&fresh, &b}})
+        heights->lines({-3, -2}, {0.3, 0.05}, 20, {-0.03, 0.25}, 15, *out);
+      ASSERT_EQ(a, b);
     }
   }
   const std::unique_ptr<Ground> clone = ground.clone();
@@ -515,6 +518,27 @@ TEST(HeightMap, WhatAToolCutFromTheSideCounts) {
     GroundWriter(ground).remove({0, 0, z}, half);
     const double dug_m3 = sum_of(map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug)) * 0.01;
     EXPECT_NEAR(dug_m3, -ground.change_m3(), 1e-9);
+  }
+}
+
+/// Of columns that are as they were but for these, and of shafts.
+TEST(HeightMap, PoresCountDownTo32VoxelsBelowTheTopmostFullOne) {
+  for (const int deep : {0, 1, 7, 8, 100, 103}) {
+    Ground ground(0.1, Vec3(0, 0, 0), make_plane(0.04, {0, 0}));  // voxel -1 is full
+    HeightMap heights(ground);
+    const auto remove = [&](int z, std::uint64_t samples) {
+      const int low = floor_to(z, kChunkSide);
+      SampleWords words{};
+      words[static_cast<std::size_t>(cell_number({3, 4, z - low}))] = samples;
+      GroundWriter(ground).remove({0, 0, low}, words);
+    };
+    for (int z = 0; z > -deep; --z) remove(z, kAllSoil);
+    const int full = std::min(-1, -deep);
+    for (const int below : {32, 25, 8, 1}) {
+      remove(full - below, 0x0f0f0f0f0f0f0f0f);
+      const double dug_m3 = sum_of(map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug)) * 0.01;
+      EXPECT_NEAR(dug_m3, -ground.change_m3(), 1e-9) << deep << ", " << below;
+    }
   }
 }
 

@@ -474,6 +474,25 @@ TEST(RayCast, FarRaysAreExactAndQuick) {
   EXPECT_LT(std::clock() - begin, cpu_s(0.1)) << "50 us a ray";
 }
 
+/// Where floats are farther apart than samples.
+TEST(RayCast, StopsAtEdgesFarAboveTheOrigin) {
+  constexpr double h = 0.1;
+  constexpr int kTop = 1 << 20;  // the topmost cell
+  Ground ground(h, Vec3(0, 0, 0), make_plane(h * (kTop + 0.5), {0, 0}));
+  SampleWords words{};
+  for (int n = 0; n < kChunkVoxels; ++n) {
+    const Coord3 cell = numbered_voxel(n);
+    const bool is_pit = cell.x() < 4;
+    if (cell.z() == 0) words[static_cast<std::size_t>(n)] = is_pit ? kAllSoil : 0x7fff;
+  }
+  GroundWriter(ground).remove({0, 0, kTop}, words);
+  HeightMap heights(ground);
+  for (int missing = 1; missing < 10; ++missing) {  // down from the edge
+    const double z = h * (kTop + 0.5 - (15 + 0.1 * missing) / 64);
+    EXPECT_NEAR(cast_one(heights, {0.2, 0.3, z}, {1, 0, 0}), 0.2, 0.1) << missing;
+  }
+}
+
 TEST(RayCast, CutsMayBeFarApart) {
   Blocks blocks;
   constexpr int kFar = 1 << 20;

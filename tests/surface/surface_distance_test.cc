@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -109,6 +110,24 @@ TEST(SurfaceHeight, IsThatOfTheHighestTriangleWhereBlocksMeetToo) {
           ASSERT_NEAR(*heights.at(p.x(), p.y()), top, 1e-6) << p.transpose() / h;
         }
       }
+    }
+  }
+}
+
+/// Blocks are meshed as places need them, across their borders as well.
+TEST(SurfaceHeight, IsThatOfOnePlaceWhateverElseIsAskedFor) {
+  constexpr double h = 0.05;
+  const auto ground = sampled(half_sine_trench(0.3), h);
+  for (int voxel = -3; voxel < 3; ++voxel) {  // of the border at 0
+    for (const int axis : {0, 1}) {
+      std::array<Vec2, 2> places = {Vec2(0.06, 0.06), Vec2(0.06, 0.06)};
+      places[0][axis] = h * (voxel + 0.3);
+      places[1][axis] = h * (voxel + 1.3);
+      std::array<double, 2> together;
+      SurfaceHeight(*ground).at(places, together);
+      for (std::size_t i = 0; i < 2; ++i)
+        EXPECT_EQ(together[i], surface_height(*ground, places[i].x(), places[i].y()).value())
+            << voxel << ", " << axis;
     }
   }
 }
