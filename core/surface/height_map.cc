@@ -126,7 +126,8 @@ LookResult HeightMap::prepare(const Eigen::AlignedBox2d& area_m) noexcept {
     };
     require(!area_m.isEmpty(), "an area must have its corners in order");
     reader_->refresh();
-    reader_->prepare(column(area_m.min()), column(area_m.max()));
+    // Looks in it also read columns beside it.
+    reader_->prepare(column(area_m.min()) - Coord2::Ones(), column(area_m.max()) + Coord2::Ones());
   });
 }
 

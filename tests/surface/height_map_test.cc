@@ -719,6 +719,40 @@ TEST(HeightMap, PreparesAnAreaWithinReason) {
     EXPECT_FALSE(heights.prepare({here, Vec2(bad, here.y() + 1)}).ok()) << bad;
 }
 
+/// Looks there may also read columns beside it.
+TEST(HeightMap, PreparedAreasAreWholeToTheirBorders) {
+#ifndef SOILVDB_COUNTS_ALLOCATIONS
+  GTEST_SKIP() << "allocations are not counted";
+#endif
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0.02, 0.05}));
+  HeightMap heights(ground);
+  std::mt19937_64 random(18);
+  std::uniform_real_distribution<double> any(-0.4, 0.4);
+  std::vector<double> out(9);
+  const auto look_in = [&](const Eigen::AlignedBox2d& area) {
+    const Vec2 low = area.min(), high = area.max();
+    for (const Vec2& at : {low, high, Vec2(low.x(), high.y()), Vec2(high.x(), low.y())}) {
+      heights.at({&at, 1}, out).check();
+      const Vec2 in = (area.center() - at).cwiseSign();
+      for (const double cell_m : {0.1, 0.13}) {
+        const Vec2 first = at + cell_m * (1.5 * in - Vec2(1, 1));  // of 3 x 3 cells in the corner
+        heights.map({first, cell_m, 3, 3}, MapLayer::kHeight, std::span<double>(out)).check();
+      }
+    }
+  };
+  const Vec2 half(0.5, 0.5), far(900, 900);
+  heights.prepare({Vec2(far - 3 * half), Vec2(far + 3 * half)}).check();
+  look_in({Vec2(far - half), Vec2(far + half)});  // gets the memory for looks
+  for (int n = 0; n < 60; ++n) {
+    const Vec2 middle(5 * n + any(random), any(random));
+    const Eigen::AlignedBox2d area(Vec2(middle - half), Vec2(middle + half));
+    heights.prepare(area).check();
+    const std::size_t before = allocations;
+    look_in(area);
+    EXPECT_EQ(allocations, before) << n;
+  }
+}
+
 TEST(HeightMap, RefusesWhatIsNoMap) {
   Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0, 0}));
   HeightMap heights(ground);
