@@ -100,6 +100,11 @@ def test_what_can_not_be_the_ground_is_refused(make, said):
             site.survey(surface(1)[0], boundary=boundary)
     assert site.save() == state
     ground = soilvdb.Site(0.1, soilvdb.raster(np.zeros((11, 11)), origin=(0, 0), cell=1.0), [BUCKET])
+    with pytest.raises(ValueError, match="^the boundary misses the survey: it goes from 30, 0 to 40, 9, and the "
+                                         "survey on this site from -10, -10 to 10, 10$"):
+        site.survey(surface(1)[0], boundary=[(30, 0), (40, 0), (40, 9)])
+    with pytest.raises(ValueError, match="misses the site"):
+        ground.survey(soilvdb.raster(np.zeros((11, 11)), origin=(50, 0), cell=1.0), boundary=[(50, 0), (55, 0), (55, 5)])
     with pytest.raises(ValueError, match="misses the site"):
         ground.survey(soilvdb.raster(np.zeros((11, 11)), origin=(50, 0), cell=1.0))
 

@@ -4,6 +4,7 @@
 import asyncio
 import itertools
 import json
+import re
 import subprocess
 import time
 from random import Random
@@ -80,15 +81,31 @@ def test_lost_feeds_wrong_clocks_and_bad_positions_alarm(tmp_path):
             assert kinds(server) == {}, "whoever says goodbye is not missed"
             assert "error" not in bare.feed(at(0, 0, 1, time.time()))
             begin = time.monotonic()
-            while True:
-                message = await asyncio.wait_for(viewer.recv(), 5)
-                state = json.loads(message) if isinstance(message, str) else {}
-                lost = [a for a in state.get("alarms", []) if a["kind"] == "feed_lost"]
-                if lost:
-                    break
-            assert 2 < time.monotonic() - begin < 5
-            assert lost[0]["machine"] == "digger" and "nothing is heard of it for" in lost[0]["text"]
-            bare.close()
+
+            async def lost(is_lost=True):
+                """The alarm's text, once there is one, or none."""
+                while True:
+                    message = await asyncio.wait_for(viewer.recv(), 5)
+                    if isinstance(message, str) and (state := json.loads(message))["type"] == "state":
+                        texts = [a["text"] for a in state["alarms"] if a["kind"] == "feed_lost"]
+                        assert [a["machine"] for a in state["alarms"] if a["text"] in texts] == ["digger"] * len(texts)
+                        if bool(texts) == is_lost:
+                            return texts
+
+            def seconds(told, text):
+                return map(int, re.fullmatch(told + " ([0-9]+) s[a-z ]*; its last state came ([0-9]+) s ago", *text).groups())
+
+            silent_s, state_s = seconds("nothing is heard of it for", await lost())
+            assert silent_s >= 4 and abs(state_s - silent_s) <= 1 and 2 < time.monotonic() - begin < 5
+            bare.send(b"", opcode=10)  # an answer to a ping is heard, and is no state
+            await lost(False)
+            silent_s, state_s = seconds("nothing is heard of it for", await lost())
+            assert silent_s >= 4 and state_s >= silent_s + 2
+            bare.send(b"", opcode=10)
+            await lost(False)
+            bare.break_off()
+            broke_s, state_s = seconds("its connection broke off", await lost())
+            assert broke_s <= 1 and state_s >= 6
     with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
         asyncio.run(work(server))
         server.stop()

@@ -211,6 +211,7 @@ def test_what_was_before_and_after_it_is_kept_and_survives_a_kill(site, tmp_path
         before, after = server.json(area + "&time=0.3"), server.json(area + "&time=1")
         assert before["cut_m3"] < 5 and after["cut_m3"] > 400
         # A state before it is taken back, and the survey stays.
+        assert server.json("/undo?machine=digger&time=0.2")["others"] == 0, "squares of a survey are no states"
         status, (answer,) = server.post("/undo?machine=digger&time=0.2")
         assert status == 200 and answer["states"] > 40
         undone = server.json(area)

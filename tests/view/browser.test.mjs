@@ -844,7 +844,7 @@ test('alarms are shown while they last', options, async () => {
     await page.evaluate(() => window.feed.close());
     await breakOff(`${server.url.split('#')[0]}feed?token=sesame`, {machine: 'digger', position: [0, 0, 5], rotation: [0, 0, 0, 1]});
     await table('no link');
-    await page.waitForFunction(() => /nothing is heard of it/.test(document.getElementById('alarms').textContent));
+    await page.waitForFunction(() => /its connection broke off/.test(document.getElementById('alarms').textContent));
     await close();
   } finally {
     await server.stop();

@@ -102,7 +102,7 @@ StatesAfter Session::states_after(const fs::path& folder, std::size_t machine,
       throw std::invalid_argument(
           "scans corrected the ground since that time, and what they found can't be made anew");
     if (goes) after.states += update.has_rows();
-    if (is_after && !goes) ++after.others;
+    if (is_after && !goes) after.others += update.has_rows();
     if (!goes && before >= from) work_ns += static_cast<double>(update.ns);
   };
   each_record(journal, count, [](const io::JournalRecord&) {});

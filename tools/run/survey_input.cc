@@ -201,7 +201,12 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
   SurveyInput input;
   input.warnings = survey.warnings;
   check_crs(site, survey, options, input.warnings);
-  Box box = survey.bounds;
+  Box box = survey.bounds, common = box.intersection(site.bounds);
+  if (common.isEmpty())
+    throw std::invalid_argument(fmt::format(
+        "{} misses the site: it goes {}, and the terrain {}; are its coordinates those of the "
+        "site?",
+        options.name, extent_text(box), extent_text(site.bounds)));
   if (!options.boundary.empty()) {
     if (options.boundary.size() < 3 || options.boundary.size() > kMostSurveyCorners ||
         crosses_itself(options.boundary))
@@ -212,17 +217,15 @@ SurveyInput read_survey(const Session& session, const io::Base& survey,
       if (!corner.allFinite()) throw std::invalid_argument("a boundary's corners must be numbers");
       around.extend(corner);
     }
+    if (!common.intersects(around))
+      throw std::invalid_argument(
+          fmt::format("the boundary misses {}: it goes {}, and {} on this site {}", options.name,
+                      extent_text(around), options.name, extent_text(common)));
     const Vec2 column = Vec2::Constant(h);  // those are taken whose middles are inside
     around = {around.min() - column, around.max() + column};
     box = box.intersection(around);
+    common = common.intersection(around);
   }
-  const Box common = box.intersection(site.bounds);
-  if (common.isEmpty())
-    throw std::invalid_argument(fmt::format(
-        "{} misses the site: it goes {}{}, and the terrain {}; are its coordinates those of the "
-        "site?",
-        options.name, extent_text(survey.bounds),
-        options.boundary.empty() ? "" : " with a boundary", extent_text(site.bounds)));
   if (!common.sizes().allFinite())
     throw std::invalid_argument("neither the survey nor the site has an end; give a boundary");
   const SurveyedColumns columns = columns_in(common, ground);

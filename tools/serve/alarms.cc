@@ -67,6 +67,15 @@ std::string age(double seconds) {
   return seconds < 120 ? fmt::format("{:.0f} s", seconds) : fmt::format("{:.0f} min", seconds / 60);
 }
 
+std::string lost(const FeedSource& source) {
+  const auto since = [](FeedSource::Clock::time_point then) {
+    return age(std::chrono::duration<double>(FeedSource::Clock::now() - then).count());
+  };
+  return source.link == FeedSource::Link::kBroken
+             ? fmt::format("its connection broke off {} ago", since(source.broke_at))
+             : fmt::format("nothing is heard of it for {}", since(source.heard_at));
+}
+
 }  // namespace
 
 std::vector<Vec2> read_boundary(const std::filesystem::path& file) {
@@ -106,9 +115,9 @@ Json alarms(const LiveSite& site, const InitialTerrain* design, const std::vecto
       all.push_back(alarm(kind, &machine.name, text));
       if (by_m) all.back()["by_m"] = *by_m;
     };
-    if (std::string_view(feed.link()) == "lost")
-      add("feed_lost",
-          fmt::format("nothing is heard of it for {}", age(feed.silent_s().value_or(0))));
+    if (feed.source != nullptr && feed.source->is_lost())
+      add("feed_lost", fmt::format("{}; its last state came {} ago", lost(*feed.source),
+                                   age(feed.silent_s().value_or(0))));
     if (feed.source == nullptr || feed.source->link == FeedSource::Link::kEnded) continue;
     if (feed.fix && *feed.fix != Fix::kFixed)
       add("fix", fmt::format("its position is {}, so it digs nothing", word_of(*feed.fix)));

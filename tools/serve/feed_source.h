@@ -3,6 +3,7 @@
 // Where the lines of a feed come from.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <string>
 
@@ -17,12 +18,29 @@ inline constexpr double kLost_s = 3.8;
 struct FeedSource {
   enum class Link {
     kLive,
-    kLost,   ///< nothing is heard of it, or it broke off
-    kEnded,  ///< it said goodbye
+    kSilent,  ///< nothing is heard of it
+    kBroken,  ///< it broke off
+    kEnded,   ///< it said goodbye
   };
+  using Clock = std::chrono::steady_clock;
+
+  bool is_lost() const { return link == Link::kSilent || link == Link::kBroken; }
+  void heard() {
+    silent_s = 0;
+    heard_at = Clock::now();
+  }
+  /// @return does the link change?
+  bool set_link(Link to) {
+    if (link == to) return false;
+    link = to;
+    if (to == Link::kBroken) broke_at = Clock::now();
+    return true;
+  }
+
   std::string name = {};
   Link link = Link::kLive;
   double silent_s = 0;  ///< since it was last heard, of the time in which it was listened to
+  Clock::time_point heard_at = Clock::now(), broke_at = {};
 };
 
 }  // namespace soilvdb::tools

@@ -41,18 +41,19 @@ void Feeder::start() {
 }
 
 void Feeder::set_link(FeedSource::Link link) {
-  if (std::exchange(source_->link, link) != link) state_.told = {};  // viewers are told now
+  if (source_->set_link(link)) state_.told = {};  // viewers are told now
 }
 
 void Feeder::heard() {
-  source_->silent_s = asked_s_ = 0;
+  source_->heard();
+  asked_s_ = 0;
   set_link(FeedSource::Link::kLive);
 }
 
 void Feeder::listen(std::chrono::duration<double> passed) {
   if (state_.undoing || works_) return;  // it may not be read
   source_->silent_s += passed.count();
-  if (source_->silent_s >= kLost_s) set_link(FeedSource::Link::kLost);
+  if (source_->silent_s >= kLost_s) set_link(FeedSource::Link::kSilent);
   if (source_->silent_s >= kGone_s) beast::get_lowest_layer(socket_).close();
   if (source_->silent_s - asked_s_ < kAsk_s || pinging_ || closing_) return;
   asked_s_ = source_->silent_s;
@@ -106,7 +107,8 @@ void Feeder::close(const char* why) {
 void Feeder::end(bool broken) {
   state_.feeders.erase(this);
   --state_.connections;
-  set_link(broken ? FeedSource::Link::kLost : FeedSource::Link::kEnded);
+  if (broken && source_->link == FeedSource::Link::kSilent) return;  // it may have been closed here
+  set_link(broken ? FeedSource::Link::kBroken : FeedSource::Link::kEnded);
 }
 
 }  // namespace soilvdb::tools

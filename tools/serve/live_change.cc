@@ -28,7 +28,10 @@ Json names_of_machines(const Session& session) {
 }
 
 Json list_of_hoppers(const Session& session) {
-  const auto or_null = [](double s) { return std::isfinite(s) ? Json(s) : Json(); };
+  // One that came now begins by the least number that is later than what was fed.
+  const auto or_null = [](double s) {
+    return std::isfinite(s) ? Json(std::round(1e6 * s) / 1e6) : Json();
+  };
   Json all = Json::array();
   for (const Hopper& hopper : session.earthmoving().hoppers)
     all.push_back(

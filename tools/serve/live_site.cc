@@ -155,9 +155,11 @@ Json LiveSite::dig(const nlohmann::json& json, const MachineState& state) {
   require_made(step, before);
   Json answer = answer_to(step, state.machine);
   if (wants_force) {
-    const Wrench all = session_.resistance(state.machine).total();
+    const Resistance resistance = session_.resistance(state.machine);
+    const Wrench all = resistance.total();
     answer["force_n"] = io::numbers(all.force);
     answer["moment_nm"] = io::numbers(all.moment);
+    answer["limited"] = resistance.limited();
   }
   return answer;
 }

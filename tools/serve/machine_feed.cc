@@ -81,7 +81,7 @@ void MachineFeed::require_owner(const FeedSource* by, const std::string& machine
 
 const char* MachineFeed::link() const {
   if (source == nullptr || source->link == FeedSource::Link::kEnded) return "none";
-  return source->link == FeedSource::Link::kLost ? "lost" : "live";
+  return source->is_lost() ? "lost" : "live";
 }
 
 std::optional<double> MachineFeed::silent_s() const {

@@ -159,7 +159,7 @@ struct MqttLink {
     bytes += more;
     std::string bare = text;  // a link's strings have no blanks
     std::erase_if(bare, [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; });
-    const FeedSource::Link link = bare == kLinkLost    ? FeedSource::Link::kLost
+    const FeedSource::Link link = bare == kLinkLost    ? FeedSource::Link::kBroken
                                   : bare == kLinkEnded ? FeedSource::Link::kEnded
                                                        : FeedSource::Link::kLive;
     messages.push_back(
@@ -230,14 +230,17 @@ class MqttFeeds : public MqttBridge {
     for (auto& [name, of] : fed_) {
       if (state_.undoing) return;
       of->silent_s += passed.count();
-      if (!link_->connected || of->silent_s >= kLost_s) set_link(*of, FeedSource::Link::kLost);
+      if (!link_->connected)
+        set_link(*of, FeedSource::Link::kBroken);
+      else if (of->silent_s >= kLost_s)
+        set_link(*of, FeedSource::Link::kSilent);
     }
     work_soon();  // it may have waited for states that were taken back
   }
 
  private:
   void set_link(FeedSource& of, FeedSource::Link to) const {
-    if (std::exchange(of.link, to) != to) state_.tell_soon();
+    if (of.set_link(to)) state_.tell_soon();
   }
 
   /// Feeds lines of the message for a short time, and then answers it. @return are more left?
@@ -262,8 +265,8 @@ class MqttFeeds : public MqttBridge {
     std::shared_ptr<FeedSource>& from = fed_[message_->name];
     if (!from) from = std::make_shared<FeedSource>();
     from->name = "MQTT topic " + io::printable(link_->topic("feed/" + message_->name));
-    from->silent_s = 0;
-    set_link(*from, lives && !link_->connected ? FeedSource::Link::kLost : message_->link);
+    from->heard();
+    set_link(*from, lives && !link_->connected ? FeedSource::Link::kBroken : message_->link);
     if (lives && feed(from)) return;
     message_.reset();
     std::erase_if(fed_, [](const auto& of) {  // no machine is fed by it any more

@@ -113,7 +113,7 @@ void RosBridge::take(const Dds::Message& message) {
       for (Fed& fed : fed_) {
         if (fed.of.machine != machine) continue;
         fed.heard = true;
-        fed.source->silent_s = 0;
+        fed.source->heard();
         set_link(fed, FeedSource::Link::kLive);
       }
   } catch (const io::CdrError& e) {
@@ -162,7 +162,7 @@ void RosBridge::refuse(Fed& fed, const std::string& why) {
 }
 
 void RosBridge::set_link(Fed& fed, FeedSource::Link link) {
-  if (std::exchange(fed.source->link, link) != link) state_.tell_soon();
+  if (fed.source->set_link(link)) state_.tell_soon();
 }
 
 void RosBridge::listen(std::chrono::duration<double> passed) {
@@ -172,7 +172,10 @@ void RosBridge::listen(std::chrono::duration<double> passed) {
     fed.source->silent_s += passed.count();
     const bool is_there = std::all_of(fed.movers.begin(), fed.movers.end(),
                                       [&](std::size_t input) { return dds_->senders(input) > 0; });
-    if (!is_there || fed.source->silent_s >= kLost_s) set_link(fed, FeedSource::Link::kLost);
+    if (!is_there)
+      set_link(fed, FeedSource::Link::kBroken);
+    else if (fed.source->silent_s >= kLost_s)
+      set_link(fed, FeedSource::Link::kSilent);
   }
 }
 

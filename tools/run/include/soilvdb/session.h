@@ -58,7 +58,7 @@ struct StatesAfter {
   std::size_t machine = 0;
   std::uint64_t before = 0;  ///< updates before the first of them
   std::uint64_t states = 0;
-  std::uint64_t others = 0;  ///< updates of others after that
+  std::uint64_t others = 0;  ///< states of other machines after that
   double about_s = 0;        ///< about how long it takes to make the recording anew without them
 };
 struct Undone;  // tools/run/session_undo.h
