@@ -4,6 +4,7 @@
 
 import itertools
 import math
+import pickle
 import warnings
 
 import numpy as np
@@ -138,8 +139,10 @@ def test_the_ledger_closes_with_what_was_surveyed(scene):
     assert site.change_m3() - was == pytest.approx(net, abs=SAMPLE_M3 / 2)
     after = site.volume(AROUND)
     assert after.net_m3 - volume.net_m3 == pytest.approx(net, abs=SAMPLE_M3 / 2)
-    for key in ("cut_m3", "captured_m3", "displaced_m3", "bucket_m3", "spilled_m3", "slid_m3"):
-        assert site.ledger()[key] == ledger[key], key
+    assert ledger["surveyed_removed_m3"] == ledger["surveyed_added_m3"] == 0
+    assert site.ledger() == {**ledger, "surveyed_removed_m3": survey.removed_m3,
+                             "surveyed_added_m3": survey.added_m3}
+    assert "surveyed_added_m3" not in site.ledger(0), "no machine did it"
     if scene.soil is None:
         assert after.net_m3 == pytest.approx(net - ledger["cut_m3"], abs=SAMPLE_M3)
     assert survey.sigma_m3 > 0
@@ -377,6 +380,17 @@ def test_wrong_scans_are_refused(wrong):
     assert site.apply_scans().removed_m3 == 0
 
 
+def test_points_in_the_world_need_the_sensors_position():
+    site, unplaced = dig(8), soilvdb.Sensor(name="mast")
+    for sensor in (unplaced, pickle.loads(pickle.dumps(unplaced))):
+        with pytest.raises(ValueError, match="^sensor 'mast' has no position, where rays to points in the world begin"):
+            site.scan(sensor, np.ones((4, 3)), world=True)
+    for placed in (soilvdb.Sensor(position=(0, 0, 0)), soilvdb.Sensor(pose=np.eye(4))):
+        for sensor in (placed, pickle.loads(pickle.dumps(placed))):
+            site.scan(sensor, np.ones((4, 3)), world=True)
+    site.scan(unplaced, np.ones((4, 3)))
+
+
 def test_simulated_images_have_the_sensors_noise():
     site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
     down = soilvdb.Sensor(position=(0, 0, 4), rotation=(1, 0, 0, 0), range_sigma=0.02,
@@ -592,6 +606,8 @@ def test_the_sigma_of_a_volume_before_any_scan_is_that_of_the_lip_and_the_floor(
     site = told_too_high()
     # All of a volume errs with the lip, 20 mm; the floor, 7.5 mm, alike in each square of 2 m.
     volume = site.volume(square(0.2, -0.5, 1.0), sigma=True)
+    assert repr(volume).endswith(f", sigma_m3={volume.sigma_m3:.2g})")
+    assert "sigma_m3" not in repr(site.volume(square(0.2, -0.5, 1.0)))
     assert volume.sigma_m3 == pytest.approx(math.hypot(0.02, 0.0075 * math.sqrt(0.5)), rel=0.02)
     assert site.volume(square(0.2, 0.05, 0.5), sigma=True).sigma_m3 == pytest.approx(
         0.25 * math.hypot(0.02, 0.0075), rel=0.02)

@@ -284,8 +284,9 @@ void bind_volume(py::class_<Site>& site, py::module_& m) {
             return v;
           }))
       .def("__repr__", [](const BoundaryVolume& v) {
-        return fmt::format("soilvdb.Volume(cut_m3={:.6g}, fill_m3={:.6g}, area_m2={:.6g})",
-                           v.cut_m3, v.fill_m3, v.area_m2);
+        return fmt::format("soilvdb.Volume(cut_m3={:.6g}, fill_m3={:.6g}, area_m2={:.6g}{})",
+                           v.cut_m3, v.fill_m3, v.area_m2,
+                           v.sigma_m3 ? fmt::format(", sigma_m3={:.2g}", *v.sigma_m3) : "");
       });
   site.def(
       "volume", &volume, py::arg("boundary"), py::kw_only(), py::arg("design") = py::none(),

@@ -19,13 +19,19 @@
 namespace soilvdb::python {
 namespace {
 
+/// What soilvdb.Sensor is.
+struct Sensor : soilvdb::Sensor {
+  bool has_place = false;
+};
+
 Sensor sensor_of(const py::object& position, const py::object& rotation, const py::object& matrix,
                  const std::string& name, std::optional<double> range_sigma,
                  std::optional<double> range_squared_sigma, double height_sigma, double tilt_sigma,
                  double scale_sigma, const std::optional<std::string>& noise) {
   Sensor sensor;
   sensor.name = name;
-  if (!position.is_none() || !matrix.is_none()) sensor.pose = pose(position, rotation, matrix);
+  sensor.has_place = !position.is_none() || !matrix.is_none();
+  if (sensor.has_place) sensor.pose = pose(position, rotation, matrix);
   if (position.is_none() && !rotation.is_none())
     throw py::type_error("give a position with the rotation");
   if (noise && (range_sigma || range_squared_sigma))
@@ -72,6 +78,10 @@ void scan(Site& site, const Sensor& sensor, const py::object& points, const py::
   if (points.is_none() == depth.is_none())
     throw py::type_error("give points, or depth with intrinsics");
   if (!depth.is_none() && world) throw py::type_error("a depth image is in the sensor's frame");
+  if (world && !sensor.has_place)
+    throw py::value_error(fmt::format(
+        "sensor '{}' has no position, where rays to points in the world begin; give it one",
+        sensor.name));
   if (depth.is_none() && !intrinsics.is_none())
     throw py::type_error("intrinsics are for a depth image");
   std::vector<Vec3> ends;
@@ -190,7 +200,8 @@ void bind_sensor(py::module_& m) {
           "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
           "Without them points are in the world's axes from (0, 0, 0). Scans with world=True need "
           "the "
-          "position as well: rays begin there. Defaults of the standard deviations: range_sigma "
+          "position as well, because rays begin there, and are refused without. Defaults of the "
+          "standard deviations: range_sigma "
           "0.02, range_squared_sigma 0, mount_height_sigma 0.01, mount_tilt_sigma 0.002, "
           "mount_scale_sigma 0.002. Standard deviations: of a "
           "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
@@ -214,10 +225,14 @@ void bind_sensor(py::module_& m) {
           [](const Sensor& s) {
             const Vec3& p = s.pose.position;
             const Eigen::Vector4d q = s.pose.rotation.coeffs();
-            return py::make_tuple(s.name, std::array{p.x(), p.y(), p.z()},
-                                  std::array{q.x(), q.y(), q.z(), q.w()}, s.range_sigma_m,
-                                  s.range_squared_sigma_per_m, s.mount_height_sigma_m,
-                                  s.mount_tilt_sigma_rad, s.mount_scale_sigma);
+            const auto if_placed = [&](py::object value) {
+              return s.has_place ? std::move(value) : py::none();
+            };
+            return py::make_tuple(s.name, if_placed(py::make_tuple(p.x(), p.y(), p.z())),
+                                  if_placed(py::make_tuple(q.x(), q.y(), q.z(), q.w())),
+                                  s.range_sigma_m, s.range_squared_sigma_per_m,
+                                  s.mount_height_sigma_m, s.mount_tilt_sigma_rad,
+                                  s.mount_scale_sigma);
           },
           [](const py::tuple& t) {
             return sensor_of(t[1], t[2], py::none(), t[0].cast<std::string>(), t[3].cast<double>(),
@@ -320,7 +335,9 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
           "world; rows that aren't finite, or zero in the sensor's frame, are no return. Or depth: "
           "(H, W), m along the optical axis, with intrinsics (fx, fy, cx, cy), pixels; NaN and 0 "
           "are no return. Nothing changes before apply_scans(). Rays that meet the bucket of a "
-          "machine are not used. The result does not depend on the order of scans.")
+          "machine are not used. The result does not depend on the order of scans between two "
+          "calls of "
+          "apply_scans().")
       .def("apply_scans", &apply_scans,
            "Corrects the ground by all scans so far, and returns a Survey. The ground that nobody "
            "touched is the datum. What is added or removed is booked as surveyed: loads and cuts "

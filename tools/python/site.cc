@@ -237,9 +237,11 @@ std::vector<Patch> changed_patches(Site& site) {
 py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
   double kg = 0, sample_m3 = 0;
   MassBalance balance;
+  Surveyed surveyed;
   const Ledger ledger = site.with([&](Session& session) {
     balance = session.mass_balance_without_ground();
     sample_m3 = session.site().ground->sample_m3();
+    surveyed = session.surveyed().value_or(Surveyed());
     if (!machine) return session.total();
     const std::size_t number = machine_of(session, *machine);
     kg = session.bucket_kg(number);
@@ -263,6 +265,8 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
   all["hauled_m3"] = loose_m3(balance.hauled);
   all["slid_m3"] = loose_m3(balance.slid);
   all["fill_m3"] = static_cast<double>(balance.fill_samples) * sample_m3;
+  all["surveyed_removed_m3"] = static_cast<double>(surveyed.removed) * sample_m3;
+  all["surveyed_added_m3"] = static_cast<double>(surveyed.added) * sample_m3;
   return all;
 }
 
@@ -470,7 +474,9 @@ void bind_site(py::module_& m) {
            "Volumes of a machine, or of all machines, m3. In place: cut, captured and displaced. "
            "Loose: the bucket's load, spilled and dumped. One machine also has bucket_kg. All "
            "machines also have fill_m3, which moving soil added to the ground. They also have "
-           "loose volumes of pours, hoppers and failed slopes: poured_m3, hauled_m3, slid_m3.")
+           "loose volumes of pours, hoppers and failed slopes: poured_m3, hauled_m3, slid_m3, and "
+           "what scans and surveys took from the ground and added to it, in place: "
+           "surveyed_removed_m3, surveyed_added_m3.")
       .def("change_m3", &of_session<&Session::change_m3>,
            "Volume of the ground minus that of the terrain, counted anew, m3.")
       .def("ground_hash", &of_session<&Session::ground_hash>,
