@@ -3,6 +3,7 @@
 // What runs of scenarios whose soil moves report, and what they warn of. moving_soil_laws_test.cc
 // has that they come out the same.
 #include <cmath>
+#include <regex>
 
 #include "soilvdb/io/raster.h"
 #include "tests/program/moving_soil.h"
@@ -54,6 +55,17 @@ TEST_F(MovingSoil, SaysWhereAllSoilWent) {
   EXPECT_EQ(machine["bucket_kg"], mass["buckets"]);
   // What was dug and fell back takes more room than it did, and what came was loose already.
   EXPECT_GT(volume["ground_change"], mass["ground_change"].get<double>() / 1800 * 1.25);
+}
+
+TEST_F(MovingSoil, TheTerminalHasTheTermsOfTheBalance) {
+  const std::string out = good("run all.yaml --out told").out;
+  std::smatch kg;
+  ASSERT_TRUE(std::regex_search(
+      out, kg,
+      std::regex("\nbalance     0 m³, 0 kg: ground (-?[0-9.]+) kg, buckets ([0-9.]+) kg, "
+                 "hauled ([0-9.]+) kg,( in flight -?[0-9.]+ kg,)? poured ([0-9.]+) kg\n")))
+      << out;
+  EXPECT_NEAR(std::stod(kg[1]) + std::stod(kg[2]) + std::stod(kg[3]), std::stod(kg[5]), 1);
 }
 
 TEST_F(MovingSoil, WhatADumpAngleEmptiesIsDumped) {

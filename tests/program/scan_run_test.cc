@@ -156,6 +156,11 @@ TEST_F(ScanRun, CorrectsTheFloorAndFindsTheLip) {
   EXPECT_NEAR(volumes["residual"].get<double>(), 0, 1e-9);
   const nlohmann::json lip = all["machines"][0]["lip_error_m"];
   EXPECT_NEAR(lip["mean"].get<double>(), 0.03, 0.012);
+  for (const std::string& told :
+       {fmt::format("\nlip error   {:.3f} ± {:.3f} m digger, as told less the true\n",
+                    lip["mean"].get<double>(), lip["sigma"].get<double>()),
+        std::string("\nbalance     0 m³\n")})
+    EXPECT_NE(result.out.find(told), std::string::npos) << told << result.out;
   EXPECT_GT(lip["sigma"].get<double>(), 0.002);
   EXPECT_LT(lip["sigma"].get<double>(), 0.01);
   EXPECT_EQ(updates().size(), 44u) << "a row for each of the machine's, and the heading";

@@ -6,8 +6,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tools/run/progress.h"
@@ -28,6 +30,21 @@ void print_machines(const std::vector<io::Summary::Machine>& machines) {
          fmt::format("{} m³ {}", number(machines[i].bucket_m3), machines[i].name));
   if (machines.size() > kMostListed)
     line("", fmt::format("... {} more in {}", machines.size() - kMostListed, kSummaryName));
+  for (std::size_t i = 0; i < std::min(machines.size(), kMostListed); ++i)
+    if (const auto& error = machines[i].lip_error_m)
+      line("lip error", fmt::format("{:.3f} ± {:.3f} m {}, as told less the true", error->mean,
+                                    error->sigma, machines[i].name));
+}
+
+/// The terms of the balance that aren't 0.
+std::string mass_terms(const io::Summary::Moved& moved) {
+  std::string text = fmt::format("ground {} kg", number(moved.ground_change_kg));
+  for (const auto& [what, kg] :
+       {std::pair("buckets", moved.buckets_kg), std::pair("hauled", moved.hauled_kg),
+        std::pair("in flight", moved.pending_kg), std::pair("poured", moved.poured_kg),
+        std::pair("surveyed", moved.surveyed_kg.value_or(0))})
+    if (kg != 0) text += fmt::format(", {} {} kg", what, number(kg));
+  return text;
 }
 
 std::string file_list(const std::vector<std::string>& files) {
@@ -50,6 +67,10 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
   const auto residual = [](double value) {
     return value == 0 ? "0" : fmt::format("{:.1e}", value);
   };
+  // Volumes are whole samples, so that less than one is rounding.
+  const double sample_m3 = std::pow(s.voxel_size_m, 3) / 64;
+  const std::string residual_m3 =
+      residual(std::abs(s.residual_m3) < sample_m3 / 2 ? 0 : s.residual_m3);
   line("net", fmt::format("{} m³{}", number(s.ground_change_m3),
                           s.net ? fmt::format(": cut {} m³, fill {} m³", number(s.net->cut_m3),
                                               number(s.net->fill_m3))
@@ -70,10 +91,9 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
     line("surveyed", fmt::format("removed {} m³, added {} m³", number(s.surveyed->removed_m3),
                                  number(s.surveyed->added_m3)));
   print_machines(s.machines);
-  line("balance",
-       s.moved ? fmt::format("{} m³, {} kg of {} kg", residual(s.residual_m3),
-                             residual(s.moved->residual_kg), number(s.moved->ground_change_kg))
-               : fmt::format("{} m³", residual(s.residual_m3)));
+  line("balance", s.moved ? fmt::format("{} m³, {} kg: {}", residual_m3,
+                                        residual(s.moved->residual_kg), mass_terms(*s.moved))
+                          : fmt::format("{} m³", residual_m3));
   line("ground", fmt::format("{} m² resident, {} chunks, {} voxels", number(s.resident_m2),
                              s.leaves, s.active_voxels));
   line("update",
