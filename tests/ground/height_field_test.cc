@@ -233,6 +233,23 @@ TEST(HeightField, ABoxIsCalledAirOrSoilWhereAllItsPointsAre) {
   EXPECT_GT(soil, 1000);
 }
 
+/// Large boxes are looked at by tiles.
+TEST(HeightField, ABoxOfAnySizeIsSoilUnlessItReachesAHole) {
+  const auto posts = height_field_test::posts(0.5);
+  const auto terrain = field(posts);
+  for (const int side : {1, 10, 30, 40, 60}) {
+    const auto box_from = [&](int x, int y) {
+      const Vec2 low = posts->place(x + 0.1, y + 0.1), high = posts->place(x + side, y + side);
+      return Eigen::AlignedBox3d(Vec3(low.x(), low.y(), -9), Vec3(high.x(), high.y(), -5));
+    };
+    const auto sound = box_from(2, 66), holed = box_from(65 - side / 10, 63 - 3 * side / 4);
+    EXPECT_EQ(terrain->classify(sound), Content::kSoil) << side;
+    EXPECT_TRUE(terrain->has_data(sound)) << side;
+    EXPECT_EQ(terrain->classify(holed), Content::kMixed) << side;
+    EXPECT_FALSE(terrain->has_data(holed)) << side;
+  }
+}
+
 TEST(HeightField, AtAHoleABoxIsKnownOnlyAboveAllGroundAroundIt) {
   const auto posts = height_field_test::posts(0.5);
   const auto terrain = field(posts);
