@@ -19,11 +19,16 @@ namespace {
 
 constexpr double kAnyTime = std::numeric_limits<double>::quiet_NaN();  // all hoppers are there
 
-/// Refuses an invalid pose, and one beyond the indices of chunks.
-void check_move(const Ground& ground, const Machine& machine, const Pose& pose) {
+/// Why a pose is refused: it is invalid, or beyond the indices of chunks; empty: it is not.
+std::string pose_error(const Ground& ground, const Machine& machine, const Pose& pose) {
   const double room_m = kMaxIndex * ground.voxel_size_m() - machine.radius_m();
   std::string what = validation_error(pose);
   if (what.empty()) what = validation_error(pose.position, ground.origin(), std::floor(room_m));
+  return what;
+}
+
+void check_move(const Ground& ground, const Machine& machine, const Pose& pose) {
+  const std::string what = pose_error(ground, machine, pose);
   if (!what.empty()) throw std::invalid_argument(what);
 }
 
@@ -139,8 +144,8 @@ Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s
 
 std::string Tracker::misplaced(std::size_t machine, const Pose& world_from_bucket) const {
   const Machine& m = at(machine);
-  check_move(ground_, m, world_from_bucket);
-  return m.misplaced(ground_, world_from_bucket);
+  std::string what = pose_error(ground_, m, world_from_bucket);
+  return what.empty() ? m.misplaced(ground_, world_from_bucket) : what;
 }
 
 Update Tracker::place(std::size_t machine, const Pose& world_from_bucket,

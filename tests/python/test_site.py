@@ -772,6 +772,8 @@ def test_a_machine_is_placed_elsewhere(soil):
     with pytest.raises(soilvdb.StateError, match="only be placed in the air") as told:
         site.place(0, position=(40, 3, -0.2))
     assert told.value.machine == "machine 0"
+    with pytest.raises(soilvdb.StateError, match="^machine 'machine 0': the position is .* within"):
+        site.place(0, position=(9e8, 3, 2))
     site.update(0, position=(40, 3, -0.2), time=9.0)
     assert site.heights([(20, 1.5)])[0] == 0
 
