@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "io/file/text.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/mesh_file.h"
 
@@ -376,6 +377,11 @@ class BucketReader {
       fail(fmt::format("unit is {:g}; it must be the metres per unit of the file, such as 0.001",
                        unit_m));
     mesh_ = read_mesh(file);
+    if (is_in_metres() && unit_m != 1)
+      fail(
+          fmt::format("says its unit itself; leave out the unit of {:g}, and give lip and upper "
+                      "in metres",
+                      unit_m));
     for (const Eigen::Vector3f& p : mesh_.points) points_.push_back(p.cast<double>() * unit_m);
     check_finite("lip", edges.lip[0]);
     check_finite("lip", edges.lip[1]);
@@ -383,10 +389,11 @@ class BucketReader {
     if (edges.lip[0] == edges.lip[1])
       fail("lip has the same point twice; it must be the two ends of the cutting edge");
     if (lip_m() < kShortestLipM || lip_m() > kLongestLipM)
-      fail(
-          fmt::format("the lip is {:.3g} m long with a unit of {:g}; unit must be the metres per "
-                      "unit of the file, such as 0.001 for millimetres",
-                      lip_m(), unit_m));
+      fail(is_in_metres()
+               ? fmt::format("the lip is {:.3g} m long; of a .dae it must be in metres", lip_m())
+               : fmt::format("the lip is {:.3g} m long with a unit of {:g}; unit must be the "
+                             "metres per unit of the file, such as 0.001 for millimetres",
+                             lip_m(), unit_m));
     check_on_mesh("lip", edges.lip[0]);
     check_on_mesh("lip", edges.lip[1]);
     if (edges.upper) check_on_mesh("upper", *edges.upper);
@@ -445,6 +452,8 @@ class BucketReader {
  private:
   [[noreturn]] void fail(const std::string& what) const { throw InputError(file_, what); }
 
+  /// Whatever the file's unit is: read_mesh() knows it.
+  bool is_in_metres() const { return suffix_of(file_) == ".dae"; }
   double lip_m() const { return (edges_.lip[1] - edges_.lip[0]).norm() * unit_m_; }
   double section_m(int k) const {
     return lip_m() * kSectionedShare * ((k + 0.5) / kSections - 0.5);
@@ -472,8 +481,9 @@ class BucketReader {
     if (least > kOnMeshShare * lip_m())
       fail(fmt::format(
           "{} has the point {}, which is {:.3g} m off the mesh; the nearest point of the "
-          "mesh is {}, in units of the file",
-          name, words_of(given), least, words_of(nearest / unit_m_)));
+          "mesh is {}, in {}",
+          name, words_of(given), least, words_of(nearest / unit_m_),
+          is_in_metres() ? "metres" : "units of the file"));
   }
 
   /// Moves the mesh to a frame with the lip along y. The other axes are any.

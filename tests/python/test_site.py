@@ -404,6 +404,36 @@ def test_a_real_buckets_mesh_holds_its_struck_volume(tmp_path, taper):
     assert pose[:3, :3] == pytest.approx(turn, abs=0.01)
 
 
+def test_a_dae_takes_its_lip_in_metres(tmp_path):
+    """Its unit is told there: here it is the centimetre."""
+    lip = np.array(box_mesh(tmp_path / "box.obj")) / 1000
+    words = [line.split() for line in (tmp_path / "box.obj").read_text().splitlines()]
+    points = [str(float(n) / 10) for word in words if word[0] == "v" for n in word[1:]]
+    faces = [str(int(n) - 1) for word in words if word[0] == "f" for n in word[1:]]
+    file = tmp_path / "box.dae"
+    file.write_text(
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        '<asset><unit meter="0.01"/><up_axis>Z_UP</up_axis></asset>'
+        '<library_geometries><geometry id="g"><mesh><source id="p">'
+        f'<float_array id="a" count="{len(points)}">{" ".join(points)}</float_array><technique_common>'
+        '<accessor source="#a" count="8" stride="3"/></technique_common></source>'
+        '<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><polylist count="5">'
+        '<input semantic="VERTEX" source="#v" offset="0"/><vcount>4 4 4 4 4</vcount>'
+        f'<p>{" ".join(faces)}</p></polylist></mesh></geometry></library_geometries></COLLADA>')
+    for upper in (None, (0.3, 0, 1)):
+        made = soilvdb.Bucket.from_mesh(file, lip=lip, upper=upper)
+        assert (made.width, made.height) == pytest.approx((2.0, 1.0), rel=5e-3)
+    pose = soilvdb.Bucket.pose_in_mesh(file, lip=lip)
+    assert pose == pytest.approx(np.array([[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    for given, message in [
+            ({"lip": 100 * lip, "unit": 0.01},
+             "says its unit itself; leave out the unit of 0.01, and give lip and upper in metres"),
+            ({"lip": 100 * lip}, "the lip is 200 m long; of a .dae it must be in metres"),
+            ({"lip": lip - (0, 0.5, 0)}, r"mesh is \(-1, 0, 0\), in metres")]:
+        with pytest.raises(ValueError, match=f"box.dae: .*{message}"):
+            soilvdb.Bucket.from_mesh(file, **given)
+
+
 @pytest.mark.parametrize("change, message", [
     ({"file": "bucket.ply"}, "bucket.ply: is not a readable mesh; use .stl, .obj or .dae"),
     ({"file": "bucket.dae"}, "bucket.dae: has no triangles"),

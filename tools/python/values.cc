@@ -96,9 +96,9 @@ void bind_values(py::module_& m) {
           "plates, height of the mouth. The mesh may have thickness, teeth and lugs, and small "
           "gaps. file: .stl, .obj or .dae. lip: (2, 3), both ends of the cutting edge, in "
           "coordinates of the file, in any order. upper: (3,), a point of the mouth's upper edge; "
-          "default: it is found. unit: metres per unit of the file; a .dae says its own and is in "
-          "metres already. Raises ValueError if the lip is not on the "
-          "mesh, or if the mesh is open elsewhere than at its mouth.")
+          "default: it is found. unit: metres per unit of the file. A .dae says its own: it takes "
+          "no unit, and lip and upper in metres, in the file's axes. Raises ValueError if the lip "
+          "is not on the mesh, or if the mesh is open elsewhere than at its mouth.")
       .def_static(
           "pose_in_mesh",
           [](const std::filesystem::path& file, const py::object& lip, const py::object& upper,

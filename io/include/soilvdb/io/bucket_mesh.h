@@ -30,7 +30,8 @@ struct MeshBucket {
 /// plates divided by the area of the profile: struck_m3() is then the volume of the mesh, also if
 /// its sides taper. The mouth of a lip that is curved is the straight line between its ends.
 /// @param file .stl, .obj or .dae; see read_mesh()
-/// @param unit_m metres per unit of the file; 1 for .dae, which is read in metres
+/// @param edges in coordinates of the file; of a .dae, which is read in metres, in metres
+/// @param unit_m metres per unit of the file; 1 for .dae
 /// @throw InputError naming the file, the cause and the remedy
 MeshBucket read_bucket_mesh(const std::filesystem::path& file, const MouthEdges& edges,
                             double unit_m = 1);
