@@ -492,6 +492,10 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: s.heights(np.zeros((2, 2), complex)), "xy must be numbers, not an array of complex128"),
     (lambda s: soilvdb.Site.update(3, 0), "self must be Site, not int"),
     (lambda s: s.mesh(1), "mesh() takes no more arguments than ()"),
+    *[(lambda s, shape=shape: s.height_map(origin=(0, 0), shape=shape, cell=0.1),
+       f"shape must be (ny, nx), two whole numbers, not {shown}") for shape, shown in [
+           (3, "3"), ((3.0, 3.0), "(3.0, 3.0)"), ("33", "'33'"), ((True, 3), "(True, 3)"),
+           (np.array(3), "array(3)"), (np.ones((2, 30), int), "ndarray")]],
 ])
 def test_wrong_calls_are_told_in_one_line(call, message):
     with pytest.raises(TypeError) as told:
@@ -502,16 +506,30 @@ def test_wrong_calls_are_told_in_one_line(call, message):
 @pytest.mark.parametrize("call, message", [
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 0), cell=0.1),
      "shape is (2, 0); each must be from 1 to 65536"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 65537), cell=0.1),
+     "shape is (2, 65537); each must be from 1 to 65536"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(3,), cell=0.1),
+     "shape must be (ny, nx), two whole numbers, not (3,)"),
+    (lambda s: soilvdb.VectorSite(s, 1).height_map(origin=(0, 0), shape=(3, 3, 3), cell=0.1),
+     "shape must be (ny, nx), two whole numbers, not (3, 3, 3)"),
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=-1.0),
      "a map's cells must be from a thousandth of a voxel to 1024 voxels wide"),
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, layer="depth"),
      "layer is 'depth'; it must be 'height', 'loose', 'dug' or 'design'"),
-    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=np.zeros((2, 2), int)),
-     "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
-    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=np.zeros((4, 2))[::2]),
-     "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
-    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=[0, 0]),
-     "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
+    *[(lambda s, out=out: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=out),
+       "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2); "
+       f"this one {fault}") for out, fault in [
+           (np.zeros((2, 2), int), "has the type int64"),
+           (np.zeros((2, 2), ">f4"), "has the type >f4"),
+           (np.zeros((2, 2), np.float16), "has the type float16"),
+           (np.zeros((2, 3)), "has the shape (2, 3)"),
+           (np.zeros(4), "has the shape (4,)"),
+           (np.zeros((4, 2))[::2], "is not C-contiguous"),
+           (np.zeros((2, 2), order="F"), "is not C-contiguous"),
+           (np.frombuffer(bytearray(33), np.uint8)[1:].view(float).reshape(2, 2), "is not aligned"),
+           (np.frombuffer(bytes(32)).reshape(2, 2), "is read-only"),
+           (np.ma.zeros((2, 2)), "is a masked array"),
+           ([0, 0], "is a list")]],
     (lambda s: s.height_map(machine=0, shape=(2, 2), cell=0.1),
      "machine 'machine 0' has no place before its first state, by update() or place()"),
     (lambda s: s.height_map(machine=3, shape=(2, 2), cell=0.1),
@@ -529,6 +547,8 @@ def test_wrong_calls_are_told_in_one_line(call, message):
     (lambda s: s.height_map(pose=np.zeros((1, 4, 4)), shape=(2, 2), cell=0.1),
      "pose has the shape (1, 4, 4); it must be (N, 4)"),
     (lambda s: s.heights([(0, 0)], ceiling=np.nan), "a ceiling must be a number"),
+    (lambda s: s.heights([(0, 0)], sigma=True, ceiling=1.0),
+     "sigma is that of the surface without a ceiling; give either sigma or ceiling"),
     (lambda s: soilvdb.height_maps([s, s], machine=0, shape=(2, 2), cell=0.1),
      "a site is there twice"),
 ])
@@ -536,6 +556,12 @@ def test_maps_that_cant_be_are_told_in_one_line(call, message):
     with pytest.raises(ValueError) as told:
         call(make_site())
     assert str(told.value) == message
+
+
+def test_a_shape_is_of_any_whole_numbers():
+    site = make_site()
+    for shape in ([2, 3], np.array([2, 3]), (np.int8(2), 3), iter((2, 3))):
+        assert site.height_map(origin=(0, 0), shape=shape, cell=0.1).shape == (2, 3)
 
 
 def test_states_that_no_pickle_made_are_refused():
@@ -687,8 +713,6 @@ def test_a_ceiling_is_to_the_voxel():
     below = site.heights(xy, ceiling=-1.9)
     assert below[0] == pytest.approx(floor, abs=1e-9) and below[1] == pytest.approx(floor, abs=0.05)
     assert below[2] == pytest.approx(-1.9, abs=0.1), "beside the tunnel"
-    heights, sigmas = site.heights(xy, sigma=True, ceiling=-1.9)
-    assert (heights == below).all() and sigmas.shape == (3,)
 
 
 def test_a_plane_in_utm_is_looked_at_where_work_will_begin():
@@ -764,6 +788,8 @@ def test_rays_meet_the_heights(soil):
     for origins, directions, message in [
             ((0, 0, 1), (0, 0, 0), "ray 0: its direction must not be zero"),
             ((0, 0, 1), [(1, 0, 0), (0, np.nan, 0)], "ray 1: its direction must be numbers"),
+            ((0, 0, 1), np.concatenate([np.tile((0, 0, 1.0), (1 << 20, 1)), np.zeros((2, 3))]),
+             "^ray 1048576: its direction must not be zero"),
             ((0, 0), (0, 0, 1), r"origins must have the shape \(..., 3\)"),
             (np.zeros((2, 3)), np.ones((3, 3)), "or that of directions")]:
         with pytest.raises(ValueError, match=message):

@@ -79,11 +79,14 @@ py::tuple resistances(const py::object& given, const MachineName& machine, const
     std::vector<SoilStrength> strengths;
     std::vector<std::size_t> numbers;
     for (std::size_t i = 0; i < sessions.size(); ++i) {
-      strengths.push_back(strength_of(*sessions[i], soils[i]));
-      numbers.push_back(machine_of(*sessions[i], machine));
+      of_site(i, [&] {
+        strengths.push_back(strength_of(*sessions[i], soils[i]));
+        numbers.push_back(machine_of(*sessions[i], machine));
+      });
     }
-    on_threads(threads, [&] {
-      tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
+    constexpr std::size_t kGroup = 32;  // each takes a millisecond or so
+    in_groups(sessions.size(), kGroup, threads, [&](std::size_t first, std::size_t last) {
+      tbb::parallel_for(first, last, [&](std::size_t i) {
         Wrench all;
         if (sessions[i]->last(numbers[i]))
           all = sessions[i]->resistance(numbers[i], &strengths[i], crescents).total();

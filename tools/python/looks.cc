@@ -5,9 +5,13 @@
 #include <fmt/ranges.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <string_view>
 
 #include "soilvdb/boundary_volume.h"
 #include "tools/python/site.h"
@@ -34,6 +38,36 @@ Array heights(Site& site, const py::object& xy, const F& heights_of) {
   return out;
 }
 
+/// Rows and columns of a map. @throw py::type_error, py::value_error for other than two whole
+/// numbers
+std::array<py::ssize_t, 2> shape_of(const py::object& given) {
+  const auto message = [&] {
+    std::string shown = py::repr(given);
+    if (shown.size() > 60 || shown.find('\n') != std::string::npos)
+      shown = py::cast<std::string>(py::type::of(given).attr("__name__"));
+    return "shape must be (ny, nx), two whole numbers, not " + shown;
+  };
+  const auto numbers = py::reinterpret_steal<py::tuple>(PySequence_Tuple(given.ptr()));
+  if (!numbers) {
+    PyErr_Clear();
+    throw py::type_error(message());
+  }
+  if (numbers.size() != 2) throw py::value_error(message());
+  std::array<py::ssize_t, 2> shape;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const py::object one = numbers[i];
+    shape[i] = PyNumber_AsSsize_t(one.ptr(), nullptr);  // the nearest, if it has no room
+    if (PyErr_Occurred() == nullptr && !PyBool_Check(one.ptr())) continue;
+    PyErr_Clear();
+    throw py::type_error(message());
+  }
+  constexpr py::ssize_t kMost = 1 << 16;
+  if (std::min(shape[0], shape[1]) < 1 || std::max(shape[0], shape[1]) > kMost)
+    throw py::value_error(
+        fmt::format("shape is ({}, {}); each must be from 1 to {}", shape[0], shape[1], kMost));
+  return shape;
+}
+
 /// What a height map is asked for.
 struct MapRequest {
   MapGrid grid;                   ///< its place and axis unless `machine` says them
@@ -45,24 +79,21 @@ struct MapRequest {
   std::optional<TerrainValue> design;
 
   MapRequest(const std::optional<MachineName>& around, const py::object& origin,
-             const py::object& matrix, const std::pair<py::ssize_t, py::ssize_t>& shape,
-             double cell, bool turn, const std::string& name, std::optional<double> below,
+             const py::object& matrix, const py::object& shape, double cell, bool turn,
+             const std::string& name, std::optional<double> below,
              const std::optional<TerrainValue>& wanted, std::optional<std::size_t> sites = {})
       : machine(around), turned(turn), ceiling(below), design(wanted) {
     if (machine.has_value() + !origin.is_none() + !matrix.is_none() != 1)
       throw py::type_error("give one of machine, pose or origin");
-    constexpr py::ssize_t kMost = 1 << 16;
-    if (std::min(shape.first, shape.second) < 1 || std::max(shape.first, shape.second) > kMost)
-      throw py::value_error(fmt::format("shape is ({}, {}); each must be from 1 to {}", shape.first,
-                                        shape.second, kMost));
+    const auto [rows, columns] = shape_of(shape);
     constexpr const char* kNames[] = {"height", "loose", "dug", "design"};
     const auto* found = std::find(std::begin(kNames), std::end(kNames), name);
     if (found == std::end(kNames))
       throw py::value_error("layer is '" + name +
                             "'; it must be 'height', 'loose', 'dug' or 'design'");
     layer = static_cast<MapLayer>(found - std::begin(kNames));
-    grid.ny = static_cast<int>(shape.first);
-    grid.nx = static_cast<int>(shape.second);
+    grid.ny = static_cast<int>(rows);
+    grid.nx = static_cast<int>(columns);
     grid.cell_m = cell;
     if (!origin.is_none()) numbers(origin, "origin", {grid.first_m.data(), 2});
     if (matrix.is_none()) return;
@@ -89,13 +120,58 @@ struct MapRequest {
   }
 
   const InitialTerrain* wanted() const { return design ? &design->surface() : nullptr; }
-  /// @param i number of the site
-  MapPlace of(Session& session, std::size_t i = 0) const {
-    if (machine)
-      return MapAround{machine_of(session, *machine), grid.cell_m, grid.nx, grid.ny, turned};
-    return of_sites.empty() ? grid : of_sites[i];
+  bool has_place(Session& session) const {
+    return !machine || session.last(machine_of(session, *machine));
+  }
+  /// @param i number of the site @throw std::invalid_argument without a place
+  MapGrid of(Session& session, std::size_t i = 0) const {
+    if (!machine) return of_sites.empty() ? grid : of_sites[i];
+    return session.map_around(
+        {machine_of(session, *machine), grid.cell_m, grid.nx, grid.ny, turned});
   }
 };
+
+/// Fills maps in pieces, between which signals are handled.
+/// @param grids of each site; without one its map is NaN
+/// @param check takes a site's number and result
+template <typename T, typename F>
+void fill_maps(const std::vector<Session*>& sessions, const MapRequest& map,
+               const std::vector<std::optional<MapGrid>>& grids, std::span<T> values,
+               const std::optional<int>& threads, const F& check) {
+  constexpr double kPiece = 1 << 22;  // columns of voxels: some tens of milliseconds, once known
+  const MapGrid& like = map.grid;
+  double columns = 1;  // of a row
+  for (Session* session : sessions) {
+    const double side = like.cell_m / session->voxel_size_m();
+    columns = std::max(columns, like.nx * std::max(1.0, side * side));
+  }
+  const int most = static_cast<int>(std::clamp(kPiece / columns, 1.0, double(like.ny)));
+  const auto width = static_cast<std::size_t>(like.nx), height = static_cast<std::size_t>(like.ny);
+  std::vector<LookResult> made(sessions.size());
+  for (int row = 0; row < like.ny; row += most) {
+    if (row > 0) handle_signals();
+    const int rows = std::min(most, like.ny - row);
+    const auto look = [&](std::size_t i) {
+      const std::span<T> out = values.subspan((i * height + static_cast<std::size_t>(row)) * width,
+                                              static_cast<std::size_t>(rows) * width);
+      MapGrid piece =
+          grids[i].value_or(MapGrid{sessions[i]->origin().template head<2>(), like.cell_m, 1, 1});
+      if (grids[i]) {
+        piece.first_m = piece.middle_m(row, 0);
+        piece.ny = rows;
+      }
+      made[i] = sessions[i]->height_map(piece, map.layer, grids[i] ? out : out.first(1),
+                                        map.ceiling, map.wanted());  // all but its place is right?
+      if (!grids[i]) std::fill(out.begin(), out.end(), std::numeric_limits<T>::quiet_NaN());
+    };
+    const double each = std::max(1.0, kPiece / (columns * rows));
+    in_groups(sessions.size(), static_cast<std::size_t>(each), threads,
+              [&](std::size_t first, std::size_t last) {
+                tbb::parallel_for(first, last, look);
+                for (; first < last; ++first) check(first, made[first]);
+              });
+  }
+}
 
 /// An array for results: the caller's, or a new one of doubles. Calls f(its values).
 template <typename F>
@@ -108,87 +184,74 @@ py::object fill_array(const py::object& given, const std::vector<py::ssize_t>& s
   py::object view = given;
   if (!py::isinstance<py::array>(given))
     view = py::module_::import("soilvdb._arrays").attr("view_of")(given);
+  const bool is_array = py::isinstance<py::array>(view);
   py::array out;
-  if (py::isinstance<py::array>(view)) out = py::reinterpret_borrow<py::array>(view);
-  constexpr int kWanted = int{py::array::c_style} | int{py::detail::npy_api::NPY_ARRAY_ALIGNED_};
-  const bool fits = out && (out.flags() & kWanted) == kWanted && out.writeable() &&
-                    std::equal(shape.begin(), shape.end(), out.shape(), out.shape() + out.ndim());
-  const auto count = static_cast<std::size_t>(out ? out.size() : 0);
-  if (fits && py::isinstance<py::array_t<float>>(out)) {
-    f(std::span<float>(static_cast<float*>(out.mutable_data()), count));
-  } else if (fits && py::isinstance<py::array_t<double>>(out)) {
-    f(std::span<double>(static_cast<double*>(out.mutable_data()), count));
-  } else {
+  if (is_array) out = py::reinterpret_borrow<py::array>(view);
+  const bool is_float = py::isinstance<py::array_t<float>>(view);
+  std::string fault;
+  if (!is_array)
+    fault = "is a " + py::cast<std::string>(py::type::of(given).attr("__name__"));
+  else if (py::hasattr(view, "mask"))
+    fault = "is a masked array";
+  else if (!is_float && !py::isinstance<py::array_t<double>>(out))
+    fault = "has the type " + py::cast<std::string>(py::str(out.dtype()));
+  else if (!std::equal(shape.begin(), shape.end(), out.shape(), out.shape() + out.ndim()))
+    fault = "has the shape " + py::cast<std::string>(py::str(out.attr("shape")));
+  else if (!out.writeable())
+    fault = "is read-only";
+  else if ((out.flags() & py::array::c_style) == 0)
+    fault = "is not C-contiguous";
+  else if ((out.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) == 0)
+    fault = "is not aligned";
+  if (!fault.empty())
     throw py::value_error(
         fmt::format("out must be a writable C-contiguous array of float32 or float64 with the "
-                    "shape ({})",
-                    fmt::join(shape, ", ")));
-  }
+                    "shape ({}); this one {}",
+                    fmt::join(shape, ", "), fault));
+  const auto count = static_cast<std::size_t>(out.size());
+  if (is_float)
+    f(std::span<float>(static_cast<float*>(out.mutable_data()), count));
+  else
+    f(std::span<double>(static_cast<double*>(out.mutable_data()), count));
   return given;
 }
 
-using MapShape = std::pair<py::ssize_t, py::ssize_t>;
-
 py::object height_map(Site& site, const std::optional<MachineName>& machine,
-                      const py::object& origin, const py::object& matrix, const MapShape& shape,
+                      const py::object& origin, const py::object& matrix, const py::object& shape,
                       double cell, bool turned, const std::string& layer,
                       std::optional<double> ceiling, const std::optional<TerrainValue>& design,
                       const py::object& out) {
   const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling, design);
-  return fill_array(out, {shape.first, shape.second}, [&](auto values) {
+  return fill_array(out, {map.grid.ny, map.grid.nx}, [&](auto values) {
     site.with([&](Session& session) {
-      const MapPlace place = map.of(session);
-      const auto* const around = std::get_if<MapAround>(&place);
-      const MapGrid all = around ? session.map_around(*around) : std::get<MapGrid>(place);
-      const double side = all.cell_m / session.voxel_size_m();
-      constexpr double kPiece =
-          1 << 22;  // columns of voxels: some tens of milliseconds, once known
-      const int rows = static_cast<int>(
-          std::clamp(kPiece / (all.nx * std::max(1.0, side * side)), 1.0, double(all.ny)));
-      for (int from = 0; from < all.ny; from += rows) {
-        if (from > 0) handle_signals();
-        MapGrid piece = all;
-        piece.first_m = all.middle_m(from, 0);
-        piece.ny = std::min(rows, all.ny - from);
-        const auto cells = static_cast<std::size_t>(all.nx);
-        session
-            .height_map(piece, map.layer,
-                        values.subspan(static_cast<std::size_t>(from) * cells,
-                                       static_cast<std::size_t>(piece.ny) * cells),
-                        map.ceiling, map.wanted())
-            .check();
-      }
+      fill_maps({&session}, map, {map.of(session)}, values, {},
+                [](std::size_t, LookResult& made) { made.check(); });
     });
   });
 }
 
 /// A map of each of many sites.
 py::object maps_of_sites(const py::object& given, const std::optional<MachineName>& machine,
-                         const py::object& origin, const py::object& matrix, const MapShape& shape,
-                         double cell, bool turned, const std::string& layer,
-                         std::optional<double> ceiling, const std::optional<TerrainValue>& design,
-                         const py::object& out, const std::optional<int>& threads) {
+                         const py::object& origin, const py::object& matrix,
+                         const py::object& shape, double cell, bool turned,
+                         const std::string& layer, std::optional<double> ceiling,
+                         const std::optional<TerrainValue>& design, const py::object& out,
+                         const std::optional<int>& threads) {
   const py::tuple kept = several(given, "sites", "soilvdb.Site");
   const std::vector<Site*> sites = sites_of(kept);
   const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling, design,
                        sites.size());
   const auto count = static_cast<py::ssize_t>(sites.size());
-  return fill_array(out, {count, shape.first, shape.second}, [&](auto values) {
+  return fill_array(out, {count, map.grid.ny, map.grid.nx}, [&](auto values) {
     with_all(sites, [&](const std::vector<Session*>& sessions) {
-      std::vector<MapPlace> places;
-      for (std::size_t i = 0; i < sessions.size(); ++i) {
-        try {
-          places.push_back(map.of(*sessions[i], i));
-        } catch (const py::value_error& e) {
-          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
-        } catch (const std::invalid_argument& e) {
-          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
-        }
-      }
-      on_threads(threads, [&] {
-        soilvdb::height_maps(std::span<Session* const>(sessions), places, map.layer, values,
-                             map.ceiling, map.wanted())
-            .check();
+      std::vector<std::optional<MapGrid>> grids(sessions.size());
+      for (std::size_t i = 0; i < sessions.size(); ++i)
+        of_site(i, [&] {
+          if (map.has_place(*sessions[i])) grids[i] = map.of(*sessions[i], i);
+        });
+      fill_maps(sessions, map, grids, values, threads, [](std::size_t i, LookResult& made) {
+        if (!made.ok()) made.why = fmt::format("site {}: {}", i, made.why);
+        made.check();
       });
     });
   });
@@ -219,10 +282,15 @@ Array cast(Site& site, const py::object& origins, const py::object& directions) 
     for (std::size_t at = 0; at < ways.size(); at += kPiece) {
       if (at > 0) handle_signals();
       const std::size_t piece = std::min(kPiece, ways.size() - at);
-      session
-          .cast(begins.size() == 1 ? begins : begins.subspan(at, piece), ways.subspan(at, piece),
-                out.subspan(at, piece))
-          .check();
+      LookResult made = session.cast(begins.size() == 1 ? begins : begins.subspan(at, piece),
+                                     ways.subspan(at, piece), out.subspan(at, piece));
+      constexpr std::string_view kRay = "ray ";  // and its number in the piece
+      if (made.why.starts_with(kRay)) {
+        std::size_t end = 0;
+        const std::size_t ray = std::stoull(made.why.substr(kRay.size()), &end);
+        made.why = fmt::format("ray {}{}", at + ray, made.why.substr(kRay.size() + end));
+      }
+      made.check();
     }
   });
   return ranges;
@@ -308,6 +376,9 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           "heights",
           [](Site& s, const py::object& xy, bool sigma,
              std::optional<double> ceiling) -> py::object {
+            if (sigma && ceiling)
+              throw py::value_error(
+                  "sigma is that of the surface without a ceiling; give either sigma or ceiling");
             Array z = heights(s, xy, [&](Session& session, auto places, auto heights_m) {
               session.heights(places, heights_m, ceiling).check();
             });
@@ -331,7 +402,7 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           "After an update one costs some microseconds, each of many some tens of ns. With sigma a "
           "pair: "
           "heights, and their standard deviations by what is known of the machines' lips and by "
-          "scans, see scan().")
+          "scans, see scan(). sigma and ceiling do not go together.")
       .def(
           "mesh_heights",
           [](Site& s, const py::object& xy) {
@@ -357,7 +428,8 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
           "Terrain design: what is to be cut, negative: to be filled; NaN where there is no "
           "ground. "
           "Cells times their area sum to the volume, to the last sample. They do not in a map that "
-          "is not along the world's axes, whose cells have means of points, and not under "
+          "is not along the world's axes, whose cells have means of points; not where the terrain "
+          "ends within a cell, which has the mean of the columns that have ground; and not under "
           "roofs, as of a tunnel or over a curled bucket: there only soil above the topmost full "
           "voxel counts. volume() and change_m3() are exact there too. heights() has the surface "
           "at points. ceiling: only soil below this height counts, to the voxel: to look into a "
@@ -384,7 +456,7 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
       "(x, y) and pose (4, 4) are for all sites; pose may also be (N, 4, 4). The map of a site "
       "whose machine has no place yet is NaN. threads: default: all cores. Raises the errors of "
       "Site.height_map() for all sites if one of them can't be looked at, and says which; out has "
-      "no meaning then.");
+      "no meaning then, nor after KeyboardInterrupt.");
 }
 
 }  // namespace soilvdb::python

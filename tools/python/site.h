@@ -4,10 +4,12 @@
 // and locks the site, so several threads may use one site.
 #pragma once
 
+#include <fmt/format.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -47,6 +49,13 @@ class Site {
   Session& open() {
     if (!session_) throw std::runtime_error("the site is closed");
     return *session_;
+  }
+  Session* session() { return session_.get(); }  ///< null: it is closed
+  bool is_closed() {
+    require_own_process();
+    const Released released;
+    const std::lock_guard lock(turn_);
+    return !session_;
   }
   void close() {
     require_own_process();
@@ -95,7 +104,8 @@ auto reading_states(Site& site, const MachineName& machine, const F& f) {
 
 /// Warns of what was noticed during an update that is made: it may not raise, where warnings are
 /// errors, because the update's results would be lost.
-void tell(const std::vector<std::string>& lines);
+/// @param level of the Python frame that it points to; 1: that which called the module
+void tell(const std::vector<std::string>& lines, int level = 1);
 
 /// States of machines as arrays, one per row.
 class States {
@@ -109,6 +119,7 @@ class States {
          const py::object& joints, const py::object& base, const py::object& times,
          const std::vector<std::string>& names);
   std::size_t count() const { return count_; }
+  std::size_t joints() const { return kind_ == Kind::kJoints ? width_ : 0; }  ///< of each state
   /// Needs no lock of the interpreter. @throw py::value_error for a pose that is none
   MachineState at(std::size_t row) const;
 
@@ -136,12 +147,44 @@ void on_threads(const std::optional<int>& threads, const F& f) {
   tbb::task_arena(*threads).execute(f);
 }
 
+/// Calls f(first, last) for groups of `count` sites, on so many threads, and handles signals
+/// between groups. @param each number of sites of a group for each thread
+template <typename F>
+void in_groups(std::size_t count, std::size_t each, const std::optional<int>& threads, const F& f) {
+  std::size_t first = 0;
+  do {
+    if (first > 0) handle_signals();
+    on_threads(threads, [&] {
+      const auto on = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+      const std::size_t last = std::min(count, first + on * each);
+      f(first, last);
+      first = last;
+    });
+  } while (first < count);
+}
+
+/// Calls f(); its error says of which site it is.
+template <typename F>
+auto of_site(std::size_t number, const F& f) {
+  const auto named = [&](const std::exception& e) {
+    return fmt::format("site {}: {}", number, e.what());
+  };
+  try {
+    return f();
+  } catch (const py::value_error& e) {
+    throw py::value_error(named(e));
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(named(e));
+  }
+}
+
 /// Different sites. @param kept keeps them alive
 std::vector<Site*> sites_of(const py::tuple& kept);
 
 /// Calls f(their sessions) exclusively, without the interpreter's lock.
+/// @param also_closed those of closed sites are null; else one is an error
 template <typename F>
-void with_all(const std::vector<Site*>& sites, const F& f) {
+void with_all(const std::vector<Site*>& sites, const F& f, bool also_closed = false) {
   require_own_process();
   const Released released;
   // A fixed order of locks avoids deadlocks between calls that share sites.
@@ -150,7 +193,11 @@ void with_all(const std::vector<Site*>& sites, const F& f) {
   for (Site* site : ordered) locks.emplace_back(site->turn());
   const Inside inside;
   std::vector<Session*> sessions;
-  for (Site* site : sites) sessions.push_back(&site->open());
+  for (std::size_t i = 0; i < sites.size(); ++i) {
+    sessions.push_back(sites[i]->session());
+    if (sessions[i] == nullptr && !also_closed)
+      throw std::runtime_error(fmt::format("site {}: the site is closed", i));
+  }
   f(sessions);
 }
 

@@ -72,9 +72,9 @@ void refuse_state(Site& site, const MachineName& machine, const std::string& why
   throw_error(error_of(no_state(name, why), name));
 }
 
-void tell(const std::vector<std::string>& lines) {
+void tell(const std::vector<std::string>& lines, int level) {
   for (const std::string& line : lines)
-    if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), 1) != 0) PyErr_WriteUnraisable(nullptr);
+    if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), level) != 0) PyErr_WriteUnraisable(nullptr);
 }
 
 std::vector<std::string> joint_names(Site& site, const MachineName& machine) {
