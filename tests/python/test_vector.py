@@ -3,7 +3,10 @@
 """Many sites in one call are those sites one by one; one that is refused fails alone."""
 
 import ctypes
+import os
 import pickle
+import signal
+import warnings
 
 import numpy as np
 import pytest
@@ -267,6 +270,7 @@ def test_wrong_calls_are_told(start):
             (lambda: env.step(0, positions=np.zeros((3, 3))), ValueError, "3 states for 2 sites"),
             (lambda: env.step(1, positions=np.zeros((2, 3))), ValueError, "no machine 1"),
             (lambda: env.step(0, joints={"boom": [0, 0]}), ValueError, "machine has none"),
+            (lambda: env.step(0, joints=np.zeros((2, 2))), soilvdb.StateError, "machine has none"),
             (lambda: env.step(0, positions=np.zeros((2, 3)), times=np.array([1 + 1j, 2])), TypeError,
              "times must be numbers, not an array of complex128"),
             (lambda: env.randomise(z=[1j, 2]), TypeError, "z must be numbers"),
@@ -275,7 +279,9 @@ def test_wrong_calls_are_told(start):
              r"times has the shape \(3,\)"),
             (lambda: env.step(0, positions=np.ma.masked_equal(np.zeros((2, 3)), 0)), TypeError,
              "masked"),
-            (lambda: soilvdb.VectorSite(start, 2.5), ValueError, "count is 2.5"),
+            (lambda: soilvdb.VectorSite(start, 2.5), ValueError, "count is 2.5; it must be a whole"),
+            (lambda: soilvdb.VectorSite(start, True), ValueError, "count is True; it must be a whole"),
+            (lambda: soilvdb.VectorSite(start, 2, threads=True), TypeError, "int or None, not bool"),
             (lambda: soilvdb.VectorSite(None, 2), TypeError, "not NoneType"),
             (lambda: soilvdb.VectorSite(start, 2, threads=10**7), ValueError, "must be 1 to 1024"),
             (lambda: env.height_map(machine=0, shape=(2, 2), cell=0.1, layer="design"), ValueError,

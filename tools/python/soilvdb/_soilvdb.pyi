@@ -449,6 +449,7 @@ def _step_sites(
     base: Any,
     times: Any,
     threads: int | None,
+    told: set[str],
 ) -> tuple[dict[str, npt.NDArray[Any]], dict[int, Any]]: ...
 def update_many(
     sites: Iterable[Site],

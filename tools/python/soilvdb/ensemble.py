@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ._errors import NoGroundError
 from ._force import Wrench
-from ._soilvdb import Site, Soil, Update, _array, resistances, update_many
+from ._soilvdb import Site, Soil, Update, _array, _step_sites, resistances
 from .noise import Floats, Noise, Signal, of, turned, turned_about
 
 _Numbers = Union[Sequence[float], npt.NDArray[np.floating[Any]]]  # read by Python 3.9
@@ -151,7 +151,8 @@ class Ensemble:
                 raise ValueError(f"joints.{joint}: no machine has that joint")
         if noise.all_joints and not any(site.joints(name) for name in names):
             raise ValueError("joints: no machine has any; leave them out")
-        self._clones = [site.clone() for _ in range(clones)]
+        self._clones = tuple(site.clone() for _ in range(clones))
+        self._told: set[str] = set()  # warnings of the clones
         for clone in self._clones:
             clone.limits = False  # errors may jump as no machine does
         self._machines = {
@@ -194,10 +195,12 @@ class Ensemble:
                          np.broadcast_to(turn, (own.clones, 4)))
         if own.position:
             positions = positions + own.position.at(elapsed_s)
-        try:
-            update_many(self._clones, machine, positions=positions, rotations=rotations, time=time)
-        except NoGroundError:
-            pass
+        _, errors = _step_sites(self._clones, machine, positions, rotations, None, None, None,
+                                None if time is None else np.full(own.clones, time), None,
+                                self._told)
+        first = next(iter(errors.values()), None)
+        if first is not None and not isinstance(first, NoGroundError):
+            raise first
         return update
 
     def load(self, machine: int | str) -> Spread:

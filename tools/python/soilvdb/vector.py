@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
@@ -39,8 +41,8 @@ class Steps:
     cut_m3, float64: cut from the ground, in place, m3. bucket_m3: load afterwards, loose, m3; that
     of a refused site is its load before. spilled_m3: left the bucket, loose, m3. slid_m3: moved by
     slopes that failed, loose, m3. status, int8: 0 done, 1 refused, 2 refused because the bucket
-    would reach ground without a height, 3 failed. errors: for each site, by number, whose status is
-    not 0, the error that Site.update() would raise.
+    would reach ground without a height, 3 failed, as where a site is closed. errors: for each site,
+    by number, whose status is not 0, the error that Site.update() would raise.
     """
 
     cut_m3: Floats
@@ -70,15 +72,17 @@ class VectorSite:
         """
         if not isinstance(site, Site):
             raise TypeError(f"site must be soilvdb.Site, not {type(site).__name__}")
-        if not isinstance(count, int) or count < 1:
-            raise ValueError(f"count is {count}; it must be 1 or more")
-        if threads is not None and not isinstance(threads, int):
+        number = _whole(count)
+        if number is None or number < 1:
+            raise ValueError(f"count is {count!r}; it must be a whole number, 1 or more")
+        self._threads = None if threads is None else _whole(threads)
+        if threads is not None and self._threads is None:
             raise TypeError(f"threads must be int or None, not {type(threads).__name__}")
-        if threads is not None and not 1 <= threads <= 1024:
+        if self._threads is not None and not 1 <= self._threads <= 1024:
             raise ValueError(f"threads is {threads}; it must be 1 to 1024")
-        self._threads = threads
-        self._starts = [site.clone()] * count
+        self._starts = [site.clone()] * number
         self._sites = tuple(start.clone() for start in self._starts)
+        self._told: set[str] = set()  # warnings of steps
 
     @property
     def count(self) -> int:
@@ -95,18 +99,19 @@ class VectorSite:
              joints: _Rows | Mapping[str, _Numbers] | None = None, base: _Bases | None = None,
              times: float | _Numbers | None = None) -> Steps:
         """One update of a machine in each site. A site whose state is refused stays as it is and
-        says why; the others move.
+        says why; the others move. Warnings of sites come once, with the number of the first.
 
         One of: positions (count, 3) with or without rotations (count, 4); poses (count, 4, 4);
         joints (count, joints), or by name, with or without base: (positions, rotations) of the
         machine's base, or (count, 4, 4). times: (count,), or one for all, s. Raises TypeError for
         what is not numbers, and ValueError for a machine that is unknown or arrays of another shape;
         then none has moved. A dict that is not of the machine's joints is a StateError for all.
+        After KeyboardInterrupt the first sites may have moved.
         """
         if times is not None:
             times = _per_site("times", times, (self.count,))
         columns, errors = _step_sites(self._sites, machine, positions, rotations, poses, joints,
-                                      base, times, self._threads)
+                                      base, times, self._threads, self._told)
         return Steps(**columns, errors=errors)
 
     def height_map(self, *, machine: int | str | None = None, origin: _Numbers | None = None,
@@ -132,7 +137,11 @@ class VectorSite:
 
     def loads(self, machine: int | str) -> Floats:
         """Load of a machine's bucket in each site, loose, m3: (count,)."""
-        return np.array([site.ledger(machine)["bucket_m3"] for site in self._sites])
+        loads = np.empty(self.count)
+        for i, site in enumerate(self._sites):
+            with _of_site(i):
+                loads[i] = site.ledger(machine)["bucket_m3"]
+        return loads
 
     def reset(self, mask: Any = None,
               states: _State | Sequence[_State] | None = None) -> None:
@@ -155,7 +164,11 @@ class VectorSite:
             given = list(states)
         if len(given) != len(which):
             raise ValueError(f"there are {len(given)} states for {len(which)} sites")
-        self._put({i: self._begun(i, state) for i, state in zip(which, given)})
+        changed = {}
+        for i, state in zip(which, given):
+            with _of_site(i):
+                changed[i] = self._begun(i, state)
+        self._put(changed)
 
     def randomise(self, mask: Any = None, *, repose_angle: Any = None, swell: Any = None,
                   density: Any = None, cohesion: Any = None, friction_angle: Any = None,
@@ -177,17 +190,19 @@ class VectorSite:
             ("repose_angle", repose_angle), ("swell", swell), ("density", density),
             ("cohesion", cohesion), ("friction_angle", friction_angle),
             ("tool_friction", tool_friction), ("adhesion", adhesion)) if values is not None}
-        terrains = _terrains(len(which), z, slope, heights, origin, cell)
+        terrain_of = _terrains(len(which), z, slope, heights, origin, cell)
         starts: dict[int, Site] = {}
         for n, i in enumerate(which):
             parts = self._starts[i]._made_from
             if len(parts) == 1:
                 raise ValueError("sites of Site.open() can't be randomised; make one by Site()")
             voxel_size, terrain, machines, soil, pours, hoppers, near = parts
-            if soils:
-                soil = _soil(soil, {name: float(values[n]) for name, values in soils.items()})
-            starts[i] = Site(voxel_size, terrains[n] if terrains else terrain, machines, soil=soil,
-                             pours=pours, hoppers=hoppers, near=near, limits=self._starts[i].limits)
+            with _of_site(i):
+                if soils:
+                    soil = _soil(soil, {name: float(values[n]) for name, values in soils.items()})
+                starts[i] = Site(voxel_size, terrain_of(n) if terrain_of else terrain, machines,
+                                 soil=soil, pours=pours, hoppers=hoppers, near=near,
+                                 limits=self._starts[i].limits)
         for i, start in starts.items():
             self._starts[i] = start
         self._put({i: start.clone() for i, start in starts.items()})
@@ -219,14 +234,33 @@ class VectorSite:
             return site
         if not isinstance(state, Site):
             raise TypeError(f"states must be soilvdb.Site or bytes, not {type(state).__name__}")
-        if state.voxel_size != start.voxel_size or not start._has_machines_of(state):
-            raise ValueError(f"site {number}: the state is of other machines or another voxel size")
         site = state.clone()
+        if site.voxel_size != start.voxel_size or not start._has_machines_of(site):
+            raise ValueError("the state is of other machines or another voxel size")
         site.limits = start.limits
         return site
 
     def _put(self, changed: Mapping[int, Site]) -> None:
         self._sites = tuple(changed.get(i, site) for i, site in enumerate(self._sites))
+
+
+@contextlib.contextmanager
+def _of_site(number: int) -> Iterator[None]:
+    """Errors say of which site they are."""
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:
+        raise type(error)(f"site {number}: {error}") from None
+
+
+def _whole(given: Any) -> int | None:
+    """A whole number, also one of NumPy; None if it is no number, or a bool."""
+    if isinstance(given, (bool, np.bool_)):
+        return None
+    try:
+        return operator.index(given)
+    except TypeError:
+        return None
 
 
 def _per_site(name: str, values: Any, shape: tuple[int, ...]) -> Floats:
@@ -251,18 +285,19 @@ def _soil(soil: Soil | None, changed: Mapping[str, float]) -> Soil:
 
 
 def _terrains(count: int, z: Any, slope: Any, heights: Any, origin: Any,
-              cell: float | None) -> list[Terrain]:
+              cell: float | None) -> Callable[[int], Terrain] | None:
+    """Makes the terrain of each; None: it stays."""
     if heights is not None:
         if z is not None or slope is not None:
             raise TypeError("give either heights or z and slope")
         given = _array(heights, "heights")
         if given.ndim != 3 or given.shape[0] != count:
             raise ValueError(f"heights has the shape {given.shape}; it must be ({count}, ny, nx)")
-        return [raster(one, origin=origin, cell=cell) for one in given]
+        return lambda n: raster(given[n], origin=origin, cell=cell)
     if origin is not None or cell is not None:
         raise TypeError("origin and cell are for heights")
     if z is None and slope is None:
-        return []
+        return None
     rises = _per_site("z", 0.0 if z is None else z, (count,))
     slopes = _per_site("slope", (0.0, 0.0) if slope is None else slope, (count, 2))
-    return [plane(float(rise), one) for rise, one in zip(rises, slopes)]
+    return lambda n: plane(float(rises[n]), slopes[n])
