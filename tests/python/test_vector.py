@@ -336,3 +336,158 @@ def test_a_machine_without_a_place_has_a_map_of_nan(start):
     at = env.height_map(pose=poses, shape=(3, 4), cell=0.2, turned=False)
     for site, pose, one in zip(env.sites, poses, at):
         assert (site.height_map(pose=pose, shape=(3, 4), cell=0.2) == one).all()
+
+
+def test_numbers_of_sites_and_threads_may_be_those_of_numpy(start):
+    env = soilvdb.VectorSite(start, np.int64(3), threads=np.uint8(2))
+    assert env.count == 3
+    assert env.step(0, positions=np.zeros((3, 3))).status.tolist() == [0, 0, 0]
+
+
+def test_errors_of_many_sites_say_of_which_they_are(start):
+    env = soilvdb.VectorSite(start, 3)
+    good = start.save()
+    closed = start.clone()
+    closed.close()
+    before = [site.save() for site in env.sites]
+    for call, kind, message in [
+            (lambda: env.randomise(repose_angle=[0.5, -1, 0.6]), ValueError, "site 1: the angle"),
+            (lambda: env.randomise([0, 2], repose_angle=[0.5, 2]), ValueError, "site 2: the angle"),
+            (lambda: env.randomise(slope=[(0, 0), (0, 0), (np.inf, 0)]), ValueError, "site 2: the plane"),
+            (lambda: env.randomise([1, 2], heights=np.full((2, 3, 3), np.nan), origin=(0, 0), cell=1.0),
+             ValueError, "site 1: "),
+            (lambda: env.reset(None, [good, b"xx", good]), ValueError, "site 1: not a saved state"),
+            (lambda: env.reset(None, [good, good, closed]), RuntimeError, "site 2: the site is closed"),
+            (lambda: soilvdb.height_maps([start, closed], origin=(0, 0), shape=(1, 1), cell=1.0),
+             RuntimeError, "site 1: the site is closed"),
+            (lambda: env.height_map(origin=(0, 0), shape=(1, 1), cell=1e3), ValueError, "site 0: a map's"),
+            (lambda: soilvdb.resistances([start], 0), ValueError, "site 0: soil is rigid") if
+            start.soil is None else (lambda: soilvdb.resistances([start], 1), ValueError, "site 0: ")]:
+        with pytest.raises(kind, match=f"^{message}"):
+            call()
+    assert [site.save() for site in env.sites] == before
+
+
+def test_a_file_that_cant_be_read_is_told_with_the_site(tmp_path):
+    file = tmp_path / "ground.tif"
+    soilvdb.write_raster(file, np.random.default_rng(0).normal(0, 0.1, (2000, 2000)), (0, 0), (0.5, 0.5))
+    site = soilvdb.Site(0.1, soilvdb.raster(file), [])
+    os.truncate(file, 3000)
+    with pytest.raises(RuntimeError, match="^site 0: .*ground.tif: is damaged"):
+        soilvdb.height_maps([site], origin=(700, 700), shape=(2, 2), cell=0.1)
+
+
+def test_a_closed_site_fails_alone(start):
+    env = soilvdb.VectorSite(start, 3)
+    env.sites[0].close()
+    for positions in ([(0, 0, -0.2)] * 3, [(1, 0, -0.2)] * 3):
+        steps = env.step(0, positions=positions)
+        assert steps.status.tolist() == [3, 0, 0]
+        assert str(steps.errors[0]) == "site 0: the site is closed"
+        assert isinstance(steps.errors[0], RuntimeError)
+    assert np.isnan(steps.bucket_m3[0]) and (steps.bucket_m3[1:] > 0).all()
+    with pytest.raises(RuntimeError, match="^site 0: the site is closed"):
+        soilvdb.update_many(env.sites, 0, positions=[(2, 0, -0.2)] * 3)
+    assert (env.sites[2].pose(0)[0] == (2, 0, -0.2)).all(), "the others have moved"
+    for call in (lambda: env.height_map(machine=0, shape=(2, 2), cell=0.1), lambda: env.loads(0),
+                 lambda: env.resistance(0, soil=LOAM)):
+        with pytest.raises(RuntimeError, match="^site 0: the site is closed"):
+            call()
+    env.reset([0])
+    assert not env.step(0, positions=[(2, 0, -0.2)] * 3).errors
+
+
+def test_a_warning_of_steps_comes_once_and_names_the_site_and_the_callers_line(start):
+    env = soilvdb.VectorSite(start, 3)
+    back = np.arange(0, -3, -0.25)
+    ways = np.stack([back, 0 * back, np.full(len(back), -0.3)], 1)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for _ in range(2):
+            for p in ways:
+                env.step(0, positions=[(0, 5, 2), p, p])
+            env.reset()
+    assert [str(w.message).split("moved")[0] for w in told] == ["site 1: machine 'machine 0' "]
+    assert told[0].filename == __file__
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for p in ways:
+            soilvdb.update_many(env.sites[1:], 0, positions=[p, p])
+    assert [str(w.message).split("moved")[0] for w in told] == ["site 0: machine 'machine 0' "]
+    assert told[0].filename == __file__
+
+
+def test_a_soil_of_its_own_leaves_heights_open(tmp_path):
+    """A file is not read again: here it is gone."""
+    heights = np.random.default_rng(2).normal(0, 0.1, (41, 41))
+    file = tmp_path / "ground.tif"
+    soilvdb.write_raster(file, heights, (-10, -10), (0.5, 0.5))
+    bucket = soilvdb.Bucket(1.2, 0.9, PROFILE)
+
+    def site_of(soil):
+        return soilvdb.Site(0.1, soilvdb.raster(file), [bucket], soil=soil, limits=False)
+
+    start, repose = site_of(LOAM), np.array([0.5, 0.6, 0.7])
+    alone = [site_of(soilvdb.Soil(repose_angle=angle, swell=0.25)) for angle in repose]
+    start.update_path(0, positions=[(0, 0, -0.4), (3, 0, -0.4)])  # it begins untouched all the same
+    env = soilvdb.VectorSite(start, 3)
+    file.unlink()
+    for _ in range(2):
+        env.randomise(repose_angle=repose)
+        assert [s.save() for s in env.sites] == [s.save() for s in alone]
+        assert [s.limits for s in env.sites] == [False] * 3
+        assert [s.soil.repose_angle for s in env.sites] == repose.tolist()
+        for steps in ([(0, 1, 1)] * 3, [(2, 1, -0.4)] * 3):
+            env.step(0, positions=steps)
+        for site in alone:
+            site.update_path(0, positions=[(0, 1, 1), (2, 1, -0.4)])
+        assert [s.save() for s in env.sites] == [s.save() for s in alone]
+        for site in alone:
+            site.close()
+        alone = [s.clone() for s in env._starts]
+    other = soilvdb.raster(heights, origin=(-10, -10), cell=0.5)
+    same = soilvdb.VectorSite(soilvdb.Site(0.1, other, [bucket], soil=LOAM), 2)
+    same.randomise(repose_angle=0.5)
+    assert same.sites[0].save() == soilvdb.Site(
+        0.1, other, [bucket], soil=soilvdb.Soil(repose_angle=0.5, swell=0.25)).save()
+
+
+class Stopped(Exception):
+    """Of a signal."""
+
+
+@pytest.fixture
+def stop_soon():
+    """Raises Stopped when so much of the processor was used, s."""
+    def stop(*_):
+        raise Stopped
+
+    before = signal.signal(signal.SIGPROF, stop)
+    yield lambda seconds: signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_PROF, 0)
+    signal.signal(signal.SIGPROF, before)
+
+
+@pytest.mark.parametrize("count, shape, cell", [(2, (400, 400), 0.8), (2000, (60, 60), 0.1)])
+def test_a_signal_ends_a_long_look_at_many_sites(stop_soon, count, shape, cell):
+    """Of large maps, and of many."""
+    env = soilvdb.VectorSite(
+        soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)]), count)
+    maps = np.full((count, *shape), -1.0, np.float32)
+    stop_soon(0.05)
+    with pytest.raises(Stopped):
+        env.height_map(origin=(-100, -100), shape=shape, cell=cell, out=maps)
+    assert maps[0, 0, 0] == 0 and maps[-1, -1, -1] == -1
+    assert (env.height_map(origin=(0, 0), shape=(2, 2), cell=0.1) == 0).all()
+
+
+def test_a_signal_ends_a_long_step_between_sites(stop_soon):
+    env = soilvdb.VectorSite(
+        soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)]), 1000)
+    env.step(0, positions=np.tile([0, 0, -0.3], (1000, 1)))
+    stop_soon(0.05)
+    with pytest.raises(Stopped):
+        env.step(0, positions=np.tile([20, 0, -0.3], (1000, 1)))
+    assert [site.pose(0)[0][0] for site in (env.sites[0], env.sites[-1])] == [20, 0]
+    env.reset()
+    assert not env.step(0, positions=np.tile([0, 0, 1], (1000, 1))).errors

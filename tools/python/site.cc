@@ -46,8 +46,12 @@ constexpr const char* kHoppers = "soilvdb.Hopper";
 
 Session make_session(double voxel_size, const TerrainValue& terrain, const py::tuple& machines,
                      const std::optional<SoilProperties>& soil, const py::tuple& pours,
-                     const py::tuple& hoppers, const py::object& near, bool limits) {
-  SessionSite site{.voxel_size_m = voxel_size, .terrain = terrain.terrain, .limits = limits};
+                     const py::tuple& hoppers, const py::object& near, bool limits,
+                     std::optional<io::Site> opened = {}) {
+  SessionSite site{.voxel_size_m = voxel_size,
+                   .terrain = terrain.terrain,
+                   .limits = limits,
+                   .opened = std::move(opened)};
   for (const py::handle& one : machines) {
     if (py::isinstance<Bucket>(one)) {
       site.machines.push_back(
@@ -69,6 +73,24 @@ Session make_session(double voxel_size, const TerrainValue& terrain, const py::t
 std::unique_ptr<Site> made(Session session, const py::tuple& from) {
   warn(session.site().warnings);
   return std::make_unique<Site>(std::move(session), from);
+}
+
+/// The site before its first state, in another soil. It shares heights that are open.
+/// @pre it was made by Site()
+std::unique_ptr<Site> anew(Site& site, const std::optional<SoilProperties>& soil) {
+  const py::tuple& old = site.made_from();
+  const py::tuple from = py::make_tuple(old[0], old[1], old[2], soil, old[4], old[5], old[6]);
+  const auto& terrain = from[1].cast<const TerrainValue&>();
+  std::optional<io::Site> opened;
+  bool limits = true;
+  site.with([&](Session& session) {
+    limits = session.limits();
+    if (std::holds_alternative<io::RasterTerrain>(terrain.terrain))
+      opened = io::undug_site(session.site());
+  });
+  return made(make_session(from[0].cast<double>(), terrain, from[2], soil, from[4], from[5],
+                           from[6], limits, std::move(opened)),
+              from);
 }
 
 /// @param step_of Session::update or Session::place
@@ -564,6 +586,7 @@ void bind_site(py::module_& m) {
            "Flushes the recording, if any, and frees the site's memory. All later calls raise "
            "RuntimeError.")
       .def_property_readonly("_made_from", &Site::made_from)
+      .def("_anew", &anew, py::arg("soil"))
       .def(
           "_has_machines_of",
           [](Site& s, Site& other) {

@@ -45,7 +45,7 @@ Session::Session(SessionSite site) {
   const std::vector<Pour>& pours = site.earthmoving.pours;
   if (endless && !site.near_m && !pours.empty() && is_place(pours.front().at_m))
     site.near_m = pours.front().at_m;
-  io::Site opened = open_checked(site);
+  io::Site opened = site.opened ? *std::move(site.opened) : open_checked(site);
   state_ = std::make_unique<State>(
       tools::SiteState({std::move(site.machines), std::move(site.earthmoving)}, std::move(opened)));
   state_->settings.limits = site.limits;

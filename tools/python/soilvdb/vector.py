@@ -196,13 +196,15 @@ class VectorSite:
             parts = self._starts[i]._made_from
             if len(parts) == 1:
                 raise ValueError("sites of Site.open() can't be randomised; make one by Site()")
-            voxel_size, terrain, machines, soil, pours, hoppers, near = parts
+            voxel_size, _, machines, soil, pours, hoppers, near = parts
             with _of_site(i):
                 if soils:
                     soil = _soil(soil, {name: float(values[n]) for name, values in soils.items()})
-                starts[i] = Site(voxel_size, terrain_of(n) if terrain_of else terrain, machines,
-                                 soil=soil, pours=pours, hoppers=hoppers, near=near,
-                                 limits=self._starts[i].limits)
+                if terrain_of is None:
+                    starts[i] = self._starts[i]._anew(soil)
+                else:
+                    starts[i] = Site(voxel_size, terrain_of(n), machines, soil=soil, pours=pours,
+                                     hoppers=hoppers, near=near, limits=self._starts[i].limits)
         for i, start in starts.items():
             self._starts[i] = start
         self._put({i: start.clone() for i, start in starts.items()})

@@ -34,6 +34,8 @@ struct SessionSite {
   /// terrain's middle; on a plane, the first pour or else the first state.
   std::optional<Vec3> near_m = {};
   bool limits = true;  ///< see Session::set_limits()
+  /// The terrain as a site, if it is open already: undug_site() of a session that was made alike.
+  std::optional<io::Site> opened = {};
 };
 
 /// Recording of a session to a folder.
