@@ -572,6 +572,39 @@ looking('a finger draws a boundary, takes a point back and ends it', yard, async
   assert.ok(name.y + name.height <= panel.y + panel.height, 'a name can be seen');
 }, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
 
+/** Touches with one finger or more, which go on straight lines. @param {number[][][]} ways from and to of each */
+async function touch(page, ways) {
+  const client = await page.context().newCDPSession(page), steps = 8;
+  const send = (type, k) => client.send('Input.dispatchTouchEvent', {type, touchPoints: k === null ? [] : ways.map(([from, to], id) =>
+    ({id, x: from[0] + ((to[0] - from[0]) * k) / steps, y: from[1] + ((to[1] - from[1]) * k) / steps}))});
+  await send('touchStart', 0);
+  for (let k = 1; k <= steps; ++k) {
+    await send('touchMove', k);
+    await site.drawn(page);
+  }
+  await send('touchEnd', null);
+  await site.drawn(page);
+}
+
+looking('two fingers on what floats over the ground never zoom the page', yard, async (page) => {
+  await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.waitForFunction(() => document.querySelector('.tag:not([hidden]):not(.away)'));
+  await page.evaluate(() => { document.querySelector('#notice').hidden = false; document.querySelector('#notice-text').textContent = 'No connection to the site.'; });
+  await site.drawn(page);
+  const scale = () => page.evaluate(() => visualViewport.scale);
+  const pinch = async (part) => {
+    const {x, y, width, height} = await page.locator(part).first().boundingBox(), [u, v] = [x + width / 2, y + height / 2];
+    await touch(page, [[[u - 10, v], [u - 80, v]], [[u + 10, v], [u + 80, v]]]);
+  };
+  for (const part of ['.tag:not([hidden])', '#legend', '#notice', '#tools', '#camera', '#canvas']) {
+    await pinch(part);
+    assert.equal(await scale(), 1, part);
+  }
+  await page.tap('[data-tab=measures]');
+  await pinch('#measures');
+  assert.ok(await scale() > 1.2, 'words of a panel can be enlarged');
+}, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
+
 looking('keys alone move the picture, measure, and read a section', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
   await page.waitForFunction(() => window.soilvdb.view().blocks > 0);   // else all of the site stays in view, where keys move little
