@@ -189,6 +189,12 @@ async def view(server, until, requests=(), seconds=120, path="/view", **options)
     return texts, blocks
 
 
+def state_told(server):
+    """The state of the live ground that a viewer is told first."""
+    texts, _ = asyncio.run(view(server, lambda texts, _: texts and texts[-1]["type"] == "state"))
+    return texts[-1]
+
+
 def whole(id=0):
     return lambda texts, blocks: any(t["type"] == "whole" and t["id"] == id for t in texts)
 

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 import soilvdb
-from live import Server, passes, scenario, until
+from live import Server, passes, scenario, state_told, until
 from test_disk import fill, small_disk
 
 VOXEL = 0.25
@@ -125,6 +125,7 @@ def test_a_survey_is_the_ground_and_no_work(site, tmp_path):
     with served(site) as server:
         dig(server)
         before = server.json("/summary.json")
+        assert state_told(server)["surveyed_m3"] is None
         machine = server.json("/machines")["machines"][0]
         answer = take(server, tif(tmp_path / "m.tif", heights))
         assert 39 ** 2 <= answer["area_m2"] <= 39.5 ** 2 and answer["warnings"] == []
@@ -135,6 +136,9 @@ def test_a_survey_is_the_ground_and_no_work(site, tmp_path):
         assert volumes["surveyed_removed"] == pytest.approx(answer["removed_m3"])
         assert volumes["surveyed_added"] == pytest.approx(answer["added_m3"])
         assert after["mass_kg"]["residual"] == 0 and after["mass_kg"]["surveyed"] != 0
+        told = state_told(server)
+        assert told["surveyed_m3"] == pytest.approx(answer["added_m3"] - answer["removed_m3"])
+        assert told["change_m3"] == pytest.approx(volumes["ground_change"])
         for kept in ("cut", "captured", "spilled", "fill"):
             assert volumes[kept] == before["volume_m3"][kept], kept
         assert server.json("/machines")["machines"][0]["bucket_m3"] == machine["bucket_m3"]

@@ -216,14 +216,16 @@ Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>
   const Ledger total = site.total();
   const MassBalance balance = site.mass_balance_without_ground();
   const double sample_m3 = site.site().ground->sample_m3();
-  const Surveyed surveyed = site.surveyed().value_or(Surveyed());
-  const std::int64_t change = balance.fill_samples - balance.failed_samples - total.cut() +
-                              surveyed.added - surveyed.removed;
+  const std::optional<Surveyed> surveyed = site.surveyed();
+  const std::int64_t added = surveyed ? surveyed->added - surveyed->removed : 0;
+  const std::int64_t change = balance.fill_samples - balance.failed_samples - total.cut() + added;
   return {{"type", "state"},
           {"time_s", log.time_s() ? Json(*log.time_s()) : Json()},
           {"machines", machines},
           {"cut_m3", total.cut_m3()},
+          {"spilled_m3", total.spilled_m3()},
           {"fill_m3", static_cast<double>(balance.fill_samples) * sample_m3},
+          {"surveyed_m3", surveyed ? Json(static_cast<double>(added) * sample_m3) : Json()},
           {"change_m3", static_cast<double>(change) * sample_m3}};
 }
 
