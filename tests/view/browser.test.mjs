@@ -138,6 +138,9 @@ looking('machines, loads and totals are those of the time shown', recorded, asyn
   const end = await row(), all = JSON.parse(fs.readFileSync(path.join(done, 'summary.json'), 'utf8'));
   assert.ok(end.includes(`${all.volume_m3.cut.toPrecision(3)}\u2009m³`), `${end} is after all was cut`);
   assert.doesNotMatch(end, /not seen/);
+  const putDown = Number((await page.locator('#totals').textContent()).match(/Put down[^0-9]*([0-9.]+)/)[1]);
+  assert.equal(putDown, Number(all.volume_m3.spilled.toPrecision(3)), 'as in the report');
+  assert.notEqual(putDown, Number(all.volume_m3.fill.toPrecision(3)));
   const lip = (await page.evaluate(() => window.soilvdb.machines()))[0].position;
   for (let n = 0; n < 3; ++n) await step(page, '[');
   const time = Number((await page.evaluate(() => window.soilvdb.time())));
@@ -147,7 +150,6 @@ looking('machines, loads and totals are those of the time shown', recorded, asyn
   assert.notDeepEqual(there.position, lip);
   assert.ok(Number(csv[7]) < all.volume_m3.cut - 1);
   assert.ok((await row()).includes(`${Number(Number(csv[7]).toPrecision(3)).toFixed(Number(csv[7]) < 10 ? 2 : 1)}\u2009m³`), `${await row()} has ${csv[7]}`);
-  assert.ok((await page.locator('#totals').textContent()).includes('Put down'));
   await page.keyboard.press('l');
   await page.waitForFunction((text) => document.querySelector('#machine-table tbody tr').textContent === text, end);
 });
@@ -525,8 +527,156 @@ for (const [way, viewport] of [['upright', {width: 195, height: 422}], ['on its 
       }
       assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight > innerHeight));
     }
+    await page.tap('[data-tab=machines]');
+    assert.ok(await page.locator('#machines .scroll').evaluate((e) => e.scrollWidth <= e.clientWidth), 'all of the table is to be seen');
+    for (const menu of ['downloads', 'units']) {
+      await page.tap(`#${menu} summary`);
+      const names = page.locator(`#${menu} :is(a, label)`);
+      await names.first().waitFor();
+      for (const name of await names.all()) {
+        const {x, width} = await name.boundingBox();
+        assert.ok(x >= 0 && x + width <= viewport.width, `${await name.textContent()} from ${x} to ${x + width}`);
+        assert.ok(await name.evaluate((e) => e.scrollWidth <= e.clientWidth), await name.textContent());
+      }
+      await page.keyboard.press('Escape');
+    }
   }, {viewport, hasTouch: true, isMobile: true});
 }
+
+/** Whether all of a text is to be seen: at the ends of each of its lines there is nothing else. */
+const legible = (page, part) => page.evaluate((selector) => {
+  const range = document.createRange(), element = document.querySelector(selector);
+  range.selectNodeContents(element);
+  element.scrollIntoView({block: 'nearest'});
+  return [...range.getClientRects()].every(({left, right, top, bottom}) => [left + 1, right - 1].every((x) => element.contains(document.elementFromPoint(x, (top + bottom) / 2))));
+}, part);
+
+for (const locale of ['en-US', 'de-DE']) {
+  looking(`the time is to be read on phones in ${locale}, also while changes are compared`, yard, async (page) => {
+    await scoop(page, 1.7e9 + 40000, 0, 0, 0.3, kNames[3]);
+    const first = await page.waitForFunction(() => /[0-9]{2}:[0-9]{2}/.test(document.querySelector('#time-now').textContent) && document.querySelector('#time-now').textContent);
+    const [day] = (await first.jsonValue()).split(',');
+    for (const compared of [false, true]) {
+      if (compared) {
+        await page.keyboard.press('a');
+        const words = await page.waitForFunction(() => document.querySelector('#compare').textContent.match(/^Since (.*) \u00d7$/)?.[1]).then((text) => text.jsonValue());
+        assert.ok(!words.includes(day) && /^[0-9]+:/.test(words), `${words} is on the shown day`);
+      }
+      for (const [width, height] of [[390, 844], [844, 390], [195, 422], [422, 195], [360, 640], [768, 1024]]) {
+        await page.setViewportSize({width, height});
+        await site.drawn(page);
+        assert.ok(await legible(page, '#time-now'), `at ${width} x ${height}${compared ? ', compared' : ''}`);
+        assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), `at ${width} x ${height}`);
+      }
+    }
+  }, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true, locale, timezoneId: 'UTC'});
+}
+
+looking('a phone has the totals of the site above its machines, and surveys beside the net', yard, async (page) => {
+  await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.tap('[data-tab=machines]');
+  const totals = page.locator('#panel .totals');
+  await page.waitForFunction(() => /Dug[^0-9]*[1-9]?[0-9.]*[1-9]/.test(document.querySelector('#panel .totals').textContent));
+  assert.ok(await totals.isVisible());
+  assert.equal(await totals.textContent(), await page.locator('#totals').textContent());
+  assert.doesNotMatch(await totals.textContent(), /surveyed/);
+  const points = [[-1, 5], [1, 5], [1, 7], [-1, 7]].map(([x, y], i) => `<P id="${i + 1}">${y} ${x} 2.5</P>`).join('');
+  const {added_m3: added, removed_m3: removed} = await page.evaluate(async (text) => (await (await fetch('survey?token=sesame', {method: 'POST', body: text})).json()), '<?xml version="1.0"?>' +
+    '<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2"><Units><Metric linearUnit="meter"/></Units><Surfaces><Surface name="heap">' +
+    `<Definition surfType="TIN"><Pnts>${points}</Pnts><Faces><F>1 2 3</F><F>1 3 4</F></Faces></Definition></Surface></Surfaces></LandXML>`);
+  assert.ok(added > 1);
+  await page.waitForFunction((net) => Number(document.querySelector('#panel .totals').textContent.match(/surveyed\+([0-9.]+)/)?.[1]) === net, Number((added - removed).toPrecision(3)));
+}, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
+
+looking('a measure is shown where nothing covers its corners, and can be dragged there', yard, async (page) => {
+  const corners = [[-1, -1], [2, -1], [2, 1.5], [-1, 1.5]];
+  await page.evaluate((points) => fetch('measures?token=sesame', {method: 'POST', body: JSON.stringify({add: {kind: 'boundary', name: 'pit', points}})}), corners);
+  for (const [width, height] of [[390, 844], [844, 390], [1440, 900]]) {
+    await page.setViewportSize({width, height});
+    if (await page.isHidden('#measures')) await page.tap('[data-tab=measures]');
+    const shown = page.locator('#named button');
+    if (await shown.getAttribute('aria-pressed') === 'false') await shown.click();
+    for (const from of ['#above', '#whole']) {
+      await page.click(from);
+      await site.drawn(page);
+      await page.getByLabel('Go to Boundary pit').click();
+      await site.drawn(page);
+      const under = await page.evaluate((all) => all.map(([x, y]) => {
+        const [u, v] = window.soilvdb.project([x, y, window.soilvdb.height(x, y)]);
+        return document.elementFromPoint(u, v)?.id;
+      }), corners);
+      assert.deepEqual(under, Array(4).fill('canvas'), `at ${width} x ${height} after ${from}`);
+      const [low, high] = await page.evaluate((all) => {
+        const xs = all.map(([x, y]) => window.soilvdb.project([x, y, window.soilvdb.height(x, y)])[0]);
+        return [Math.min(...xs), Math.max(...xs)];
+      }, corners);
+      assert.ok(high - low > 50, `${high - low} px are large enough to drag`);
+    }
+  }
+}, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
+
+looking('the ground keeps its size when a panel opens or the phone is turned', yard, async (page) => {
+  await page.click('#whole');
+  await site.settled(page);
+  await site.drawn(page);
+  const metre = () => page.evaluate(() => {   // at the middle of the picture
+    const [a, b] = [[-0.5, 0, 2], [0.5, 0, 2]].map((p) => window.soilvdb.project(p));
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  });
+  const before = await metre(), height = () => page.locator('#canvas').evaluate((e) => e.clientHeight), tall = await height();
+  const same = async (when) => {
+    await site.drawn(page);
+    assert.ok(Math.abs((await metre()) / before - 1) < 0.03, `a metre of ${before} px has ${await metre()} px ${when}`);
+  };
+  await page.tap('[data-tab=machines]');
+  await site.drawn(page);
+  assert.ok(await height() < 0.7 * tall);
+  await same('beside a panel');
+  await page.tap('[data-tab=machines]');
+  await page.setViewportSize({width: 844, height: 390});
+  await same('on the side');
+  await page.setViewportSize({width: 390, height: 844});
+  await same('upright again');
+  assert.equal(await height(), tall);
+}, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
+
+looking('a machine that comes leaves what was measured and what is being drawn', yard, async (page) => {
+  await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.waitForFunction(() => window.soilvdb.height(0.6, 0) < 1.9);
+  await site.drawn(page);
+  await page.keyboard.press('g');
+  await page.keyboard.press('t');
+  await site.drawn(page);
+  const places = [];
+  page.on('request', (request) => { if (new URL(request.url()).pathname === '/height') places.push(new URL(request.url()).search); });
+  for (const at of [[0.6, 0], [0.2, 0.1]]) {
+    await page.keyboard.press('h');
+    await site.answerTo(page, '/height', () => site.clickAt(page, at));
+  }
+  await page.keyboard.press('b');
+  for (const at of [[0, 0], [1, 0], [1, 0.4]]) await site.clickAt(page, at);
+  const words = () => page.evaluate(() => [...document.querySelectorAll('.card')].map((card) => card.getAttribute('aria-label')));
+  assert.deepEqual(await words(), ['Point B', 'Point A']);
+  const asked = [...new Set(places)].sort();
+  for (const name of ['loader', 'second']) {
+    places.length = 0;
+    await Promise.all([page.waitForEvent('load'), fetchChange(page, {add: {name, bucket: {width: 2.4, height: 1.0}}})]);
+    await site.settled(page);
+    await page.waitForFunction(() => document.querySelectorAll('.card dd').length >= 6);
+    assert.deepEqual(await words(), ['Point B', 'Point A']);
+    assert.deepEqual([...new Set(places)].sort(), asked, 'where they were');
+    assert.equal(await page.locator('#done').isEnabled(), true, 'three corners are drawn');
+  }
+  const {query} = await site.answerTo(page, '/volume', () => page.click('#done'));
+  assert.equal(query.get('boundary').split(',').length, 6);
+  assert.deepEqual(await words(), ['Boundary C', 'Point B', 'Point A']);
+  await page.reload();
+  await site.settled(page);
+  assert.deepEqual(await words(), [], 'who loads the page begins anew');
+});
+
+/** Changes the machines of a site. */
+const fetchChange = (page, change) => page.evaluate((what) => { fetch('machines?token=sesame', {method: 'POST', body: JSON.stringify(what)}); }, change);
 
 looking('a finger draws a boundary, takes a point back and ends it', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
@@ -787,6 +937,102 @@ test('a server that falls silent is said to be lost within 5 s, and found again'
   }
 });
 
+test('machines of which nothing is heard look so, also when it is the page that lost its connection', options, async () => {
+  const server = await site.serve(...yard(), '--port', '0');
+  try {
+    const {page, close} = await site.open(browser, server.url);
+    const state = (name) => page.waitForSelector(`#connection[data-state=${name}]`);
+    const fed = `${server.url.split('#')[0]}feed?token=sesame`, ground = [0, 0, 0, 1];
+    const marks = () => page.evaluate(() => [...document.querySelectorAll('.tag:not([hidden])')].map((tag) => [tag.title, /no link/.test(tag.textContent), /no link/.test(tag.getAttribute('aria-label'))]));
+    const rows = () => page.evaluate(() => [...document.querySelectorAll('#machine-table tbody tr')].map((row) => /no link/.test(row.textContent)));
+    await page.evaluate((url) => new Promise((resolve) => {
+      window.feed = new WebSocket(url);
+      window.feed.onmessage = resolve;
+      let time = 0;
+      const send = () => window.feed.send(JSON.stringify({machine: 'dozer 2', time: time += 0.5, position: [3, 3, 4], rotation: [0, 0, 0, 1]}));
+      window.feed.onopen = () => { send(); window.sending = setInterval(send, 500); };
+    }), fed.replace('http', 'ws'));
+    await breakOff(fed, {machine: 'digger', position: [0, 0, 4], rotation: ground});
+    await page.waitForFunction(() => /no link/.test(document.querySelector('.tag[title=digger]').textContent));
+    assert.deepEqual(await marks(), [['dozer 2', false, false], ['digger', true, true]]);
+    assert.deepEqual(await rows(), [false, false, false, true]);
+    assert.match(await page.textContent('#totals'), /Working1 of 4/);
+    await state('live');
+
+    await page.evaluate(() => { clearInterval(window.sending); window.feed.close(); });
+    await breakOff(fed, {machine: 'dozer 2', position: [3, 3, 4], rotation: ground});
+    await state('lost');   // of all that were fed nothing is heard
+    assert.equal(await page.textContent('#connection-text'), 'No feed');
+    assert.match(await page.textContent('#totals'), /Working0 of 4/);
+    await page.evaluate((url) => new Promise((resolve) => {
+      window.feed = new WebSocket(url);
+      window.feed.onmessage = resolve;
+      window.feed.onopen = () => ['dozer 2', 'digger'].forEach((machine) => window.feed.send(JSON.stringify({machine, position: [3, 3, 5], rotation: [0, 0, 0, 1]})));
+    }), fed.replace('http', 'ws'));
+    await state('live');
+
+    const controls = page.locator('#time :is(button, input)'), liveButton = page.getByLabel('Show the ground as it is now');
+    assert.equal(await liveButton.getAttribute('aria-pressed'), 'true');
+    server.signal('SIGSTOP');
+    await page.waitForFunction(() => document.querySelector('#connection-text').textContent === 'Not connected');
+    const shown = await page.textContent('#time-now');
+    assert.deepEqual(await marks(), [['dozer 2', true, true], ['digger', true, true]]);
+    assert.deepEqual(await rows(), [false, true, false, true], 'of others nothing was ever heard');
+    for (const control of await controls.all()) assert.ok(await control.isDisabled());
+    assert.equal(await liveButton.getAttribute('aria-pressed'), 'false');
+    for (const key of ['[', 'l', 'a']) await page.keyboard.press(key);
+    assert.equal(await page.textContent('#time-now'), shown, 'no other time can be shown');
+    assert.equal(await page.textContent('#compare'), 'Compare');
+    server.signal('SIGCONT');
+    await page.waitForFunction(() => document.querySelector('#connection-text').textContent !== 'Not connected');
+    for (const control of await controls.all()) assert.ok(await control.isEnabled());
+    assert.equal(await liveButton.getAttribute('aria-pressed'), 'true');
+    await close();
+  } finally {
+    server.signal('SIGCONT');
+    await server.stop();
+  }
+});
+
+looking('a time is loading until its ground is there, and a lost connection leaves what is shown', recorded, async (page) => {
+  let held = null, socket = null;   // held: messages of blocks that wait
+  await page.routeWebSocket(/\/view/, (route) => {
+    socket = route;
+    const server = route.connectToServer();
+    server.onMessage((message) => {
+      if (held && (typeof message !== 'string' || JSON.parse(message).type === 'whole')) held.push(message);
+      else route.send(message);
+    });
+  });
+  await page.reload();
+  await site.settled(page);
+  const said = (text) => page.waitForFunction((words) => document.querySelector('#connection-text').textContent === words, text);
+  const busy = () => page.getAttribute('#time', 'aria-busy');
+  await said('Recorded');
+  const end = await page.textContent('#time-now');
+  held = [];
+  await page.keyboard.press('[');
+  await said('Loading');
+  await page.waitForFunction((before) => document.querySelector('#time-now').textContent !== before, end);
+  assert.equal(await busy(), 'true');
+  while (held.length === 0) await page.waitForTimeout(20);   // the view has begun
+  assert.equal(await page.textContent('#connection-text'), 'Loading');
+  for (const message of held.splice(0)) socket.send(message);
+  held = null;
+  await said('Past');
+  assert.equal(await busy(), 'false');
+  const shown = await page.textContent('#time-now');
+  held = [];
+  await page.keyboard.press('[');
+  await said('Loading');
+  await socket.close();
+  await said('Not connected');
+  assert.equal(await page.textContent('#time-now'), shown);
+  held = null;
+  await said('Past');
+  assert.equal(await page.textContent('#time-now'), shown);
+});
+
 test('a clock that was at 0 first and then counts from 1970 has a slider over the latter', options, async () => {
   const server = await site.serve(...live(), '--port', '0'), now = 1.7e9;
   try {
@@ -935,6 +1181,12 @@ test('a measure with a name is seen by all, moved, asked for its progress, share
     const [progress] = (await ask(`progress?measure=${made.id}`)).areas;
     assert.ok(progress.done !== 0 && progress.done < 1);
     assert.equal(await card.locator('.progress dd').first().textContent(), `${(100 * progress.done).toFixed(0)}\u2009%`);
+    assert.match(await card.locator('.progress').textContent(), /m³/);
+    await guest.click('#units summary');
+    await guest.selectOption('#unit-list [aria-label=Volumes]', 'yd3');
+    assert.match(await card.locator('.progress').textContent(), /yd³/);
+    assert.doesNotMatch(await card.locator('.progress').textContent(), /m³/);
+    await guest.keyboard.press('Escape');
 
     await office.locator('.actions').getByText('Edit').click();
     const pixelOf = (page, [x, y]) => page.evaluate(([u, v]) => window.soilvdb.project([u, v, window.soilvdb.height(u, v)]), [x, y]);
@@ -966,6 +1218,49 @@ test('a measure with a name is seen by all, moved, asked for its progress, share
     for (const {said} of pages) assert.deepEqual(said, []);
   } finally {
     for (const {close} of pages) await close();
+    await server.stop();
+  }
+});
+
+test('what is asked without a connection is asked again, and done when it is back', options, async () => {
+  const [scenario, ...rest] = live(), design = path.join(work, 'level.asc');
+  fs.writeFileSync(design, `ncols 20\nnrows 20\nxllcorner -10\nyllcorner -10\ncellsize 1\n${`${Array(20).fill(1.7).join(' ')}\n`.repeat(20)}`);
+  const server = await site.serve(scenario, ...rest, '--design', design, '--port', '0');
+  try {
+    const {page, close} = await site.open(browser, server.url), context = page.context();
+    const named = async () => (await (await fetch(new URL('measures?token=sesame', server.url))).json()).measures.map(({name}) => name);
+    const words = (part) => page.waitForFunction((selector) => /No connection; it will be asked again/.test(document.querySelector(selector)?.textContent), part);
+    await scoop(page, 0, 0, 0, 0.3);
+    await page.waitForFunction(() => window.soilvdb.height(0.6, 0) < 1.9);
+    await page.keyboard.press('g');
+    await page.keyboard.press('t');
+    await site.drawn(page);
+    await page.keyboard.press('b');
+    for (const corner of [[-0.5, -0.5], [1.5, -0.5], [1.5, 0.5]]) await site.clickAt(page, corner);
+    await site.answerTo(page, '/volume', () => page.keyboard.press('Enter'));
+
+    await context.setOffline(true);   // new connections are; that of the view may last
+    await page.getByText('Name and keep').click();
+    await page.keyboard.type('pit');
+    await page.keyboard.press('Enter');
+    await words('.edit .error');
+    assert.deepEqual(await named(), []);
+    await context.setOffline(false);
+    await page.waitForSelector('.edit', {state: 'detached'});
+    assert.deepEqual(await named(), ['pit']);
+
+    await context.setOffline(true);
+    await page.locator('.progress summary').click();
+    await words('.progress .error');
+    await page.keyboard.press('h');
+    await site.clickAt(page, [0.6, 0]);
+    await words('.card[data-kind=height] .error');
+    await context.setOffline(false);
+    await page.locator('.progress dd').first().waitFor();
+    await page.locator('.card[data-kind=height] dd').first().waitFor();
+    assert.equal(await page.locator('.error:visible').count(), 0);
+    await close();
+  } finally {
     await server.stop();
   }
 });

@@ -4,13 +4,14 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
 import zlib from 'node:zlib';
+import {alarmLines} from '../../tools/view/src/alarms.js';
 import {ChunkTable} from '../../tools/view/src/chunk_table.js';
 import {decodeBlock, inflate} from '../../tools/view/src/decode.js';
 import {LargestForce, arrowScale, forceText, limitText} from '../../tools/view/src/force_values.js';
 import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
 import {sectionAreas} from '../../tools/view/src/section_chart.js';
-import {boxOf, placeTag} from '../../tools/view/src/tag_place.js';
+import {boxOf, freeBox, placeTag} from '../../tools/view/src/tag_place.js';
 import {TerrainMesh} from '../../tools/view/src/terrain_mesh.js';
 import {sliderStart} from '../../tools/view/src/timeline.js';
 import * as units from '../../tools/view/src/units.js';
@@ -601,4 +602,55 @@ test('a hidden page that had lost its server does not look for it', async (t) =>
   assert.equal(sockets.length, tries);
   show(true);
   assert.equal(sockets.length, tries + 1);
+});
+
+test('a time of the same day is told by its clock beside another', () => {
+  const noon = Date.UTC(2023, 10, 14, 12) / 1000, clock = (s) => new Date(1000 * s).toLocaleTimeString(undefined, {timeStyle: 'medium'});
+  assert.equal(format.timeBeside(noon, noon + 60), clock(noon));
+  assert.equal(format.timeBeside(noon, noon + 2 * 86400), format.time(noon));
+  assert.equal(format.timeBeside(noon, 20), format.time(noon));
+  assert.equal(format.timeBeside(20, 30), format.time(20));
+  assert.ok(format.time(noon).endsWith(format.clock(noon)) && format.clock(noon) === clock(noon));
+  assert.equal(format.clock(20), '');
+});
+
+test('many alarms are few lines, lost links first, and none is left out of the count', () => {
+  const lost = (machine) => ({kind: 'feed_lost', machine, text: 'nothing is heard of it for 6 s'});
+  const deep = {kind: 'below_design', machine: 'a', text: 'its lip is 0.12 m below the design', by_m: 0.12}, disk = {kind: 'disk', machine: null, text: 'the disk is full'};
+  const few = alarmLines([deep, lost('b'), disk], false);
+  assert.deepEqual([few.lines.map(({machine}) => machine), few.more], [['b', 'a', null], 0]);
+  const all = [deep, lost('b'), disk, lost('c')], many = alarmLines(all, false);
+  assert.deepEqual(many, {lines: [{machine: null, text: '2 machines are silent'}, {machine: 'a', text: deep.text}], more: 3});
+  assert.deepEqual(alarmLines([...all.slice(0, 3), deep], false).lines, [{machine: 'b', text: lost('b').text}, {machine: null, text: '2 machines are below the design'}]);
+  assert.deepEqual(alarmLines(all, true), {lines: [lost('b'), lost('c'), deep, disk].map(({machine, text}) => ({machine, text})), more: 0});
+  assert.deepEqual(alarmLines([disk, disk, disk, disk], false).lines, [{machine: null, text: disk.text}], 'those without words for several are told one by one');
+  units.choose(units.parsed('ft'));
+  assert.match(alarmLines([deep], false).lines[0].text, /its lip is 0\.394\u2009ft below/);
+  units.choose(units.parsed(''));
+});
+
+test('the free box of a picture is the largest that touches nothing', () => {
+  const random = (n) => Math.floor(n * Math.random()), picture = {width: 24, height: 16};
+  for (let n = 0; n < 60; ++n) {
+    const over = Array.from({length: random(4)}, () => {
+      const [left, top] = [random(28) - 4, random(20) - 4];
+      return {left, top, right: left + 1 + random(9), bottom: top + 1 + random(9)};
+    });
+    const free = (x, y) => !over.some((b) => x >= b.left && x < b.right && y >= b.top && y < b.bottom);
+    let most = 0;   // by counting cells
+    for (let top = 0; top < 16; ++top) {
+      const open = Array(24).fill(true);
+      for (let bottom = top; bottom < 16; ++bottom) {
+        let run = 0;
+        for (let x = 0; x < 24; ++x) {
+          open[x] &&= free(x, bottom);
+          run = open[x] ? run + 1 : 0;
+          most = Math.max(most, run * (bottom - top + 1));
+        }
+      }
+    }
+    const box = freeBox(picture, over);
+    assert.equal(box ? (box.right - box.left) * (box.bottom - box.top) : 0, most, JSON.stringify(over));
+    if (box) for (let x = box.left; x < box.right; ++x) for (let y = box.top; y < box.bottom; ++y) assert.ok(free(x, y));
+  }
 });

@@ -29,8 +29,17 @@ async function reasonOf(response) {
   return reason;
 }
 
+/** fetch() that throws an error with `offline` where there is no connection. */
+async function fetched(url, options) {
+  try {
+    return await fetch(url, options);
+  } catch (error) {
+    throw error instanceof TypeError ? Object.assign(new Error('No connection'), {offline: true}) : error;
+  }
+}
+
 async function get(path, query, within_ms = 30000) {
-  const response = await fetch(address(path, query), {signal: AbortSignal.timeout(within_ms)});
+  const response = await fetched(address(path, query), {signal: AbortSignal.timeout(within_ms)});
   if (response.ok) return response;
   throw Object.assign(new Error(await reasonOf(response)), {status: response.status});
 }
@@ -59,7 +68,7 @@ export async function answers(within_ms) {
 
 /** Sends JSON. @return what the server answers */
 export async function postJson(path, json) {
-  const response = await fetch(address(path), {method: 'POST', body: JSON.stringify(json), signal: AbortSignal.timeout(30000)});
+  const response = await fetched(address(path), {method: 'POST', body: JSON.stringify(json), signal: AbortSignal.timeout(30000)});
   if (!response.ok) throw new Error(await reasonOf(response));
   return response.json();
 }

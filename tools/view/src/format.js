@@ -107,6 +107,18 @@ export function time(seconds) {
   return negative + (hours > 0 ? `${hours}:${tail}` : tail);
 }
 
+/** The time of day that ends time(); '' without a date. */
+export function clock(seconds) {
+  const text = seconds > kLeastEpoch_s ? new Date(seconds * 1000).toLocaleTimeString(undefined, {timeStyle: 'medium'}) : '';
+  return text && time(seconds).endsWith(text) ? text : '';
+}
+
+/** As time(), but without the date if it is that of another time. */
+export function timeBeside(seconds, other) {
+  const text = time(seconds), hours = clock(seconds), date = text.slice(0, text.length - hours.length);
+  return hours && time(other).startsWith(date) ? hours : text;
+}
+
 /** As time(), to the minute if it is a date. */
 export const moment = (seconds) =>
   (seconds > kLeastEpoch_s ? new Date(seconds * 1000).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'short'}) : time(seconds));

@@ -3,10 +3,10 @@
 // The table of machines: load, cut volume, cycles and activity of each.
 import {h, setText} from './dom.js';
 import * as format from './format.js';
-import {kMachineColors} from './machines.js';
+import {kLost, kMachineColors} from './machines.js';
 import * as units from './units.js';
 
-const kStates = {working: '● working', idle: '○ idle', unseen: '– not seen yet', lost: '✕ no link'};
+const kStates = {working: '● working', idle: '○ idle', unseen: '– not seen yet', lost: kLost};
 
 export class MachineTable {
   #rows = new Map();
@@ -46,6 +46,7 @@ export class MachineTable {
       const word = m.link === 'lost' ? 'lost' : m.state;   // what it does then is not known
       setText(row.state, kStates[word] ?? word);
       row.stateCell.className = `state-${word}`;
+      row.stateCell.parentElement.className = word === 'lost' ? 'lost' : '';
       setText(row.load, format.volume(m.bucket_m3, 'loose'));
       row.gauge.hidden = fill === null;
       row.bar.style.width = `${Math.min(100, 100 * Math.max(0, fill ?? 0))}%`;

@@ -12,6 +12,8 @@ import {boxAround, boxesOver, boxOf, placeTag} from './tag_place.js';
 
 /** Okabe and Ito's colours, safe for colour-blind people; tags also have the name. */
 export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
+/** The word for a machine of which nothing is heard. */
+export const kLost = '\u2715 no link';
 const kSmooth_ms = 110;   // states come ten times a second
 const kArrowBoxes = 4, kArrow_px = 5;   // of an arrow, and half its width
 
@@ -29,13 +31,13 @@ export class Machines {
       const color = kMachineColors[i % kMachineColors.length];
       const model = new MachineModel(machine, color), arrow = new ForceArrow(scale);
       const bar = h('span', {class: 'gauge-bar'});
-      const text = h('span', {class: 'tag-load'}), forceText = h('span', {class: 'tag-force'});
+      const text = h('span', {class: 'tag-load'}), link = h('span', {class: 'tag-link'}), forceText = h('span', {class: 'tag-force'});
       const tag = h('button', {class: 'tag', type: 'button', hidden: true, title: machine.name, onclick: () => pick(machine.name)},
         h('span', {class: 'swatch', style: `background:${color}`}), h('span', {class: 'tag-name'}, machine.name),
-        h('span', {class: 'gauge', 'aria-hidden': 'true'}, bar), text, forceText);
+        h('span', {class: 'gauge', 'aria-hidden': 'true'}, bar), text, link, forceText);
       tags.append(tag);
       this.group.add(model.group, arrow.group);
-      this.#machines.push({name: machine.name, capacity_m3: machine.capacity_m3, model, arrow, tag, bar, text, forceText, from: null, to: null, at: null, start: 0});
+      this.#machines.push({name: machine.name, capacity_m3: machine.capacity_m3, model, arrow, tag, bar, text, link, forceText, from: null, to: null, at: null, start: 0});
     });
   }
 
@@ -71,6 +73,9 @@ export class Machines {
       m.bar.parentElement.hidden = m.fill === null;
       m.text.textContent = format.volume(said.bucket_m3, 'loose');
       m.holds = `holds ${m.text.textContent}${m.fill === null ? '' : `, ${format.percent(m.fill)} full`}`;
+      const lost = said.link === 'lost';
+      m.tag.classList.toggle('lost', lost);
+      setText(m.link, lost ? kLost : '');
       this.#label(m);
       m.tag.hidden = false;
       m.moving = true;
@@ -80,7 +85,7 @@ export class Machines {
 
   #label(m) {
     const force = m.forceText.textContent && `; force ${m.forceText.textContent}`;
-    m.tag.setAttribute('aria-label', `${m.name}: ${m.holds}${force}; go there`);
+    m.tag.setAttribute('aria-label', `${m.name}: ${m.link.textContent && 'no link; '}${m.holds}${force}; go there`);
   }
 
   /** @param {Map<string, {world_force_n: ?number[], text: string}>} forces by machine; of others there are none */

@@ -21,6 +21,7 @@ import {MeasureCards} from './measure_cards.js';
 import {Measures} from './measures.js';
 import {SceneView} from './scene_view.js';
 import {hint, notice, openPanel, showAlarms, showConnection, showTotals, startDownloads, startPanels} from './surroundings.js';
+import {boxOf, boxesOver, freeBox} from './tag_place.js';
 import {Terrain} from './terrain.js';
 import {startTheme} from './theme.js';
 import {Timeline} from './timeline.js';
@@ -33,6 +34,7 @@ const identity = (site) => JSON.stringify([site.name, site.voxel_size_m, site.or
 
 class Page {
   comparing = new Set();   // views whose changes are since another time
+  connected = true;
 
   /** @param {Object} site from the server @param {Link} link */
   constructor(site, link) {
@@ -90,6 +92,7 @@ class Page {
     this.sceneView.afterFrame.push(() => this.afterFrame());
     this.setTimes(site.times);
     if (site.lines) this.drawLines();
+    this.measures.restore();
     handle(this);
   }
 
@@ -131,6 +134,7 @@ class Page {
   beforeFrame() {
     const changed = this.views.takeChange();
     const moving = this.machines.animate();
+    if (this.loaded === this.loads) this.sayConnection();
     this.uniforms.values.compares.value = this.comparing.has(this.views.shown.id);
     this.controls?.hover();
     if (changed) {
@@ -208,11 +212,8 @@ class Page {
   goToMeasure({points}) {
     this.goal = null;
     this.fitted = true;
-    const local = points.map((p) => this.overlay.local(p)), middle = new Vector3();
-    for (const p of local) middle.addScaledVector(p, 1 / local.length);
-    const size = Math.max(...local.map((p) => p.distanceTo(middle)));
     this.follow(null);
-    this.sceneView.lookAt(middle, Math.max(6, 3.5 * size));
+    this.sceneView.lookAtAll(points.map((p) => this.overlay.local(p)), freeBox(this.sceneView, boxesOver()) ?? boxOf([0, 0], this.sceneView));
   }
 
   measuresChanged() {
@@ -257,14 +258,28 @@ class Page {
   /** Machines and totals of the shown time. */
   showState(state, jump) {
     this.shownState = state;
+    if (!this.connected && this.site.live && this.shownTimes().time === null) {   // what they do now is not known
+      state = {...state, machines: state.machines.map((m) => (m.state === 'unseen' ? m : {...m, link: 'lost'}))};
+    }
     this.machines.update(state, jump);
     this.table.update(state);
     showTotals(state);
   }
 
+  /** Whether the picture is still that of another time. */
+  get loads() {
+    return this.timeline.waits || this.views.coming !== null;
+  }
+
   sayConnection() {
-    const {time} = this.shownTimes();
-    if (time !== null) showConnection('past', 'Past', format.time(time));
+    if (!this.connected) return showConnection('lost', 'Not connected');
+    const {time} = this.shownTimes(), fed = this.live?.machines.filter(({link}) => link && link !== 'none') ?? [];
+    this.loaded = !this.loads;
+    if (this.loaded) this.shownTime = this.timeline.time;
+    $('time').setAttribute('aria-busy', String(!this.loaded));
+    if (!this.loaded) showConnection('wait', 'Loading', format.time(this.timeline.time ?? this.live?.time_s ?? null));
+    else if (time !== null) showConnection('past', 'Past', format.time(time));
+    else if (fed.length > 0 && fed.every(({link}) => link === 'lost')) showConnection('lost', 'No feed', format.time(this.live.time_s));
     else if (this.site.live) showConnection('live', 'Live', format.time(this.live?.time_s ?? null));
     else showConnection('past', 'Recorded', format.time(this.timeline.times?.to ?? this.live?.time_s ?? null));
   }
@@ -290,8 +305,19 @@ class Page {
   reconnected() {
     if (this.views.shown.seen) this.views.expect(0);
     this.view = null;
-    this.timeline.restore();
+    this.connected = true;
+    this.timeline.setConnected(true);
     this.forces.again();
+    if (this.site.lines && !this.lines) this.drawLines();
+  }
+
+  /** What is shown stays, and is said to be old. */
+  lost() {
+    if (this.loads) this.timeline.time = this.shownTime;
+    this.connected = false;
+    this.timeline.setConnected(false);
+    this.sayConnection();
+    if (this.shownState) this.showState(this.shownState, false);
   }
 }
 
@@ -299,7 +325,10 @@ let page = null;
 
 function text(message) {
   if (message.type === 'site') {
-    if (page && identity(message) !== identity(page.site)) location.reload();
+    if (page && identity(message) !== identity(page.site)) {
+      page.measures.keepForReload();
+      location.reload();
+    }
     if (page) page.reconnected();
     else page = new Page(message, link);
   } else if (message.type === 'error') {
@@ -326,7 +355,8 @@ const link = new Link({
   binary: (buffer) => page?.views.receive(buffer),
   opened: () => notice(null),
   lost: (seconds) => {
-    showConnection('lost', 'Not connected');
+    if (page) page.lost();
+    else showConnection('lost', 'Not connected');
     notice(`No connection to the site. Trying again in ${seconds} s.`, () => link.retry());
     if (!page) explain();
   },

@@ -120,7 +120,10 @@ export class MeasureCards {
 
   /** Shows all figures again, in other units. */
   refresh() {
-    for (const card of this.cards.values()) if (card.values !== null) card.values = undefined;
+    for (const card of this.cards.values()) {
+      card.shown = undefined;
+      if (card.values !== null) card.values = undefined;
+    }
     this.update();
   }
 

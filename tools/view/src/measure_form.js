@@ -3,6 +3,7 @@
 // The form that edits a measure: its name and its points, which are dragged in the picture, too.
 import {h} from './dom.js';
 import * as format from './format.js';
+import {kAgainOffline_ms, said} from './measures.js';
 import * as units from './units.js';
 
 const kAxes = ['E', 'N'];
@@ -22,13 +23,14 @@ export function editForm(measures, measure) {
     h('div', {class: 'buttons'}, save, h('button', {class: 'button', type: 'button', onclick: () => measures.cancelEdit()}, 'Cancel'), h('span', {class: 'grow'}),
       measure.kept === null ? null : removal));
   const attempt = async (act) => {
-    error.hidden = true;
     save.disabled = true;
     try {
       await act();
+      error.hidden = true;
     } catch (reason) {
-      error.textContent = reason.message;
+      error.textContent = said(reason);
       error.hidden = false;
+      if (reason.offline) return void setTimeout(() => { if (form.isConnected) attempt(act); }, kAgainOffline_ms);
     }
     save.disabled = false;
   };

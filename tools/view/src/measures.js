@@ -12,6 +12,10 @@ export const kTools = {
   height: {name: 'Height', key: 'h', least: 1, most: 1, hint: 'Click on the ground'},
   distance: {name: 'Distance', key: 'd', least: 2, most: 2, hint: 'Click two points'},
 };
+export const kAgainOffline_ms = 2000;   // until what had no connection is asked again
+/** What is said of an error. */
+export const said = (error) => (error.offline ? `${error.message}; it will be asked again` : error.message);
+const kReloaded = 'soilvdb-measures';
 const kSectionPoints = 500;
 const kAgain_ms = 2000;   // shortest time between queries of live figures
 const kProgressAgain_ms = 30000, kProgressWithin_ms = 300000;   // many earlier grounds may have to be dug again
@@ -71,6 +75,28 @@ export class Measures {
     this.draft = [];
     this.changed();
     return true;
+  }
+
+  /** What is shown and what is being drawn, for this page when it is loaded again. */
+  keepForReload() {
+    const shown = this.list.map(({letter, kind, points, kept, name}) => ({letter, kind, points, kept, name}));
+    try {
+      sessionStorage.setItem(kReloaded, JSON.stringify({shown, letters: this.#letters, tool: this.tool, draft: this.draft}));
+    } catch { /* some browser settings forbid storage */ }
+  }
+
+  restore() {
+    let of = null;
+    try {
+      of = JSON.parse(sessionStorage.getItem(kReloaded));
+      sessionStorage.removeItem(kReloaded);
+    } catch { /* as above */ }
+    if (!of) return;
+    this.#letters = of.letters;
+    for (const measure of of.shown.reverse()) this.#show(measure);
+    this.choose(of.tool);
+    this.draft = of.draft;
+    this.changed();
   }
 
   #show(of) {
@@ -146,8 +172,9 @@ export class Measures {
     const {measure, moved} = this.edited, points = measure.points.map((p) => [p[0], p[1]]);
     if (measure.kept !== null) {
       await api.postJson('/measures', {change: {id: measure.kept, name, ...(moved ? {points} : {})}});
-    } else if (name) {
-      measure.kept = (await api.postJson('/measures', {add: {kind: measure.kind, name, points}})).id;
+    } else if (name) {   // an answer to the first attempt may have been lost
+      const made = this.named.find((m) => m.kind === measure.kind && m.name === name && JSON.stringify(m.points) === JSON.stringify(points));
+      measure.kept = (made ?? await api.postJson('/measures', {add: {kind: measure.kind, name, points}})).id;
     }
     const before = this.edited?.before;
     Object.assign(measure, {name});
@@ -180,7 +207,8 @@ export class Measures {
       const [area] = (await api.getJson('/progress', {measure: measure.kept}, kProgressWithin_ms)).areas;
       answer = {area, error: area.error ?? null};
     } catch (error) {
-      answer = {area: null, error: error.message};
+      answer = {area: null, error: said(error), asked: error.offline ? performance.now() - kProgressAgain_ms + kAgainOffline_ms / 2 : mine.asked};
+      if (error.offline) setTimeout(this.changed, kAgainOffline_ms);   // asks for what is in sight
     }
     if (measure.progress !== mine) return;   // its points were moved
     measure.progress = {...mine, ...answer, asking: false};
@@ -217,7 +245,8 @@ export class Measures {
       Object.assign(measure, {values, error: null, old: false});
     } catch (error) {
       if (measure.asked !== asked) return;
-      Object.assign(measure, {error: error.message, old: false});
+      Object.assign(measure, {error: said(error), old: false});
+      if (error.offline) setTimeout(() => { if (measure.asked === asked && this.list.includes(measure)) this.#ask(measure); }, kAgainOffline_ms);
     }
     this.changed();
   }

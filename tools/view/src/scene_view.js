@@ -6,6 +6,7 @@ import {AmbientLight, DirectionalLight, MOUSE, PerspectiveCamera, Raycaster, Sce
 import {MapControls} from 'three/addons/controls/MapControls.js';
 
 const kFlight_ms = 700;
+const kNearest_m = 6, kFits = 12, kMargin = 0.8;   // of the fit to places: distance, attempts, and their share of the room
 const kSlow_ms = 90, kStill_ms = 400;   // between pictures
 const kCoarsest = 0.35;   // pixels of pictures that move, per pixel
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
@@ -58,14 +59,21 @@ export class SceneView {
   }
 
   #resize() {
-    const {clientWidth, clientHeight} = this.canvas.parentElement;
+    const {clientWidth, clientHeight} = this.canvas.parentElement, before = this.height;
     this.width = Math.max(1, clientWidth);
     this.height = Math.max(1, clientHeight);
     this.renderer.setPixelRatio(this.#drawnSharp * Math.min(2, devicePixelRatio));
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
+    if (before) this.#scale(this.height / before);   // metres per pixel stay
     this.changed();
+  }
+
+  /** Moves the camera away from its target. */
+  #scale(by) {
+    const flown = this.#flight ? [this.#flight.from, this.#flight.to] : [];
+    for (const {target, position} of [{target: this.controls.target, position: this.camera.position}, ...flown]) position.sub(target).multiplyScalar(by).add(target);
   }
 
   #frame(time) {
@@ -129,6 +137,27 @@ export class SceneView {
     if (now || calm.matches) this.#place(to.target, to.position);
     else this.#flight = {from: {target: this.controls.target.clone(), position: this.camera.position.clone()}, to, start: null};
     this.changed();
+  }
+
+  /** Looks at places, from the present direction, so that they are in a part of the picture. @param {Object} box pixels */
+  lookAtAll(places, {left, top, right, bottom}) {
+    const camera = this.camera.clone(), target = new Vector3(), from = this.camera.position.clone().sub(this.controls.target).normalize();
+    for (const p of places) target.addScaledVector(p, 1 / places.length);
+    const size = Math.max(...places.map((p) => p.distanceTo(target)));
+    const right_m = new Vector3(-from.y, from.x, 0).normalize(), ahead_m = new Vector3(-right_m.y, right_m.x, 0);
+    let distance = Math.max(kNearest_m, 3.5 * size);
+    for (let n = 0; n < kFits; ++n) {
+      camera.position.copy(target).addScaledVector(from, distance);
+      camera.updateMatrixWorld();
+      const px = places.map((p) => this.project(p, camera) ?? [0, 0]), at = [0, 1].map((axis) => px.map((p) => p[axis]));
+      const [low, high] = [at.map((all) => Math.min(...all)), at.map((all) => Math.max(...all))];
+      const by = this.pixelAt_m(target, camera);
+      target.addScaledVector(right_m, ((low[0] + high[0] - left - right) / 2) * by)
+        .addScaledVector(ahead_m, (((top + bottom - low[1] - high[1]) / 2) * by) / Math.max(0.1, from.z));
+      const room = Math.min((right - left) / (high[0] - low[0] + 1), (bottom - top) / (high[1] - low[1] + 1));
+      distance = Math.max(kNearest_m, distance / Math.min(2, kMargin * room));
+    }
+    this.lookAt(target, distance);
   }
 
   #place(target, position) {
@@ -201,10 +230,10 @@ export class SceneView {
   }
 
   /** Pixel of a place in the scene; null behind the camera. */
-  project(point) {
-    const p = point.clone().applyMatrix4(this.camera.matrixWorldInverse);
-    if (p.z > -this.camera.near) return null;
-    p.applyMatrix4(this.camera.projectionMatrix);
+  project(point, camera = this.camera) {
+    const p = point.clone().applyMatrix4(camera.matrixWorldInverse);
+    if (p.z > -camera.near) return null;
+    p.applyMatrix4(camera.projectionMatrix);
     return [((p.x + 1) / 2) * this.width, ((1 - p.y) / 2) * this.height];
   }
 
@@ -214,8 +243,8 @@ export class SceneView {
   }
 
   /** Metres of a pixel at a place in the scene. */
-  pixelAt_m(place) {
-    return (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.position.distanceTo(place)) / this.height;
+  pixelAt_m(place, camera = this.camera) {
+    return (2 * Math.tan((camera.fov * Math.PI) / 360) * camera.position.distanceTo(place)) / this.height;
   }
 
   /** Direction of view, clockwise from north. */

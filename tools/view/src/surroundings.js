@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The page around the picture: connection, totals, downloads, notices, panels of narrow screens.
+import {alarmLines} from './alarms.js';
 import {address} from './api.js';
 import {$, h, setText} from './dom.js';
 import * as format from './format.js';
@@ -27,16 +28,25 @@ export function notice(text, retry = null) {
   $('notice-do').onclick = retry;
 }
 
-/** Shows what must be known now. @param {{machine: ?string, text: string}[]} alarms */
+let allAlarms = false;   // are to be seen, not the first ones
+
+/** Shows what must be known now. @param {{kind: string, machine: ?string, text: string, by_m: number=}[]} alarms */
 export function showAlarms(alarms) {
-  const lines = alarms.map(({machine, text, by_m}) => {
-    const said = by_m === undefined || units.unit('length') === 'm' ? text : text.replace(/[\d.]+ m\b/, format.length(by_m));
-    return machine === null ? said : `${machine}: ${said}`;
-  });
+  const {lines, more} = alarmLines(alarms, allAlarms);
+  if (alarms.length === 0) allAlarms = false;
   $('alarms').hidden = lines.length === 0;
-  if (JSON.stringify(lines) === $('alarms').dataset.lines) return;
-  $('alarms').dataset.lines = JSON.stringify(lines);
-  $('alarms').replaceChildren(...lines.map((line) => h('li', {}, line)));
+  const key = JSON.stringify([lines, more, allAlarms]);
+  if (key === $('alarms').dataset.lines) return;
+  $('alarms').dataset.lines = key;
+  const focused = $('alarms').contains(document.activeElement), button = h('button', {
+    class: 'link', type: 'button', 'aria-expanded': String(allAlarms), onclick: () => {
+      allAlarms = !allAlarms;
+      showAlarms(alarms);
+    }}, allAlarms ? 'Fewer' : `+${more} more`);
+  $('alarms').replaceChildren(
+    ...lines.map(({machine, text}) => h('li', {}, machine ? h('span', {class: 'alarm-name', title: machine}, machine) : null, machine ? ': ' : '', text)),
+    ...(more > 0 || (allAlarms && alarmLines(alarms, false).more > 0) ? [h('li', {class: 'more'}, button)] : []));
+  if (focused) button.focus();
 }
 
 let lasting = '', hintTimer = null;
@@ -59,15 +69,19 @@ export function hint(text, seconds = 0) {
 export function showTotals(state) {
   const sum = (of) => state.machines.reduce((a, m) => a + (of(m) ?? 0), 0);
   const named = (name, counted) => (units.unit('soil') === 'counted' || !units.soilOf(counted) ? name : `${name}, ${units.soilOf(counted)}`);
+  const surveyed = state.surveyed_m3 ?? null;
   const parts = [['Net', format.signedVolume(state.change_m3), '', 'Volume of the ground now minus before digging'],
+    ...(surveyed === null ? [] : [['surveyed', format.signedVolume(surveyed), '', 'The part of Net that surveys and scans added, less what they removed']]),
     [named('Dug', 'bank'), format.volume(state.cut_m3, 'bank'), '', 'Volume that machines took out of the ground, counted in place; soil that was dug again counts again'],
-    [named('Put down', 'loose'), format.volume(state.fill_m3, 'loose'), '', 'Volume that was added to the ground; soil that was put down again counts again'],
+    [named('Put down', 'loose'), format.volume(state.spilled_m3, 'loose'), '', 'Volume that left the buckets, counted loose; soil that was put down again counts again'],
     [named('In buckets', 'loose'), format.volume(sum((m) => m.bucket_m3), 'loose'), 'less', 'Present load of all buckets'],
-    ['Working', `${state.machines.filter((m) => m.state === 'working').length} of ${state.machines.length}`, 'less', '']];
+    ['Working', `${state.machines.filter((m) => m.state === 'working' && m.link !== 'lost').length} of ${state.machines.length}`, 'less', '']];
   const key = parts.flat().join();
   if ($('totals').dataset.key === key) return;
   $('totals').dataset.key = key;
-  $('totals').replaceChildren(...parts.map(([name, text, kind, title]) => h('div', {class: kind, title}, h('dt', {}, name), h('dd', {}, text))));
+  for (const list of document.querySelectorAll('.totals')) {
+    list.replaceChildren(...parts.map(([name, text, kind, title]) => h('div', {class: kind, title}, h('dt', {}, name), h('dd', {}, text))));
+  }
 }
 
 /** A menu closes when people click beside it, or press Escape. @param {function()} opened */

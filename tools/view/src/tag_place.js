@@ -30,6 +30,19 @@ export function placeTag([x, y], size, picture, over) {
   return best;
 }
 
+/** The largest box of a picture beside what is over it. */
+export function freeBox({width, height}, over) {
+  const edges = (low, high, most) => [0, most, ...over.flatMap((box) => [box[low], box[high]])].filter((v, i, all) => v >= 0 && v <= most && all.indexOf(v) === i);
+  const xs = edges('left', 'right', width), ys = edges('top', 'bottom', height);
+  let best = null, most = 0;
+  for (const left of xs) for (const right of xs) for (const top of ys) for (const bottom of ys) {
+    const area = (right - left) * (bottom - top);
+    if (right <= left || area <= most || over.some((box) => left < box.right && right > box.left && top < box.bottom && bottom > box.top)) continue;
+    [best, most] = [{left, top, right, bottom}, area];
+  }
+  return best;
+}
+
 /** The box of a placed tag. */
 export function boxOf([x, y], {width, height}) {
   return {left: x - width / 2, top: y - height, right: x + width / 2, bottom: y};

@@ -32,6 +32,7 @@ export class Timeline {
   #asked = 'null;null';
   #askedAt = 0;
   #waiting = false;
+  #connected = true;
 
   /**
    * @param {HTMLElement} element @param {boolean} live whether machines may still move
@@ -88,12 +89,12 @@ export class Timeline {
   }
 
   #say() {
-    const shown = this.time ?? this.times.to;
-    setText(this.now, format.time(shown));
+    const shown = this.time ?? this.times.to, text = format.time(shown), clock = format.clock(shown);
+    if (this.now.textContent !== text) this.now.replaceChildren(text.slice(0, text.length - clock.length), h('span', {}, clock));
     this.input.setAttribute('aria-valuetext', format.time(shown));
-    this.liveButton.setAttribute('aria-pressed', String(this.time === null));
+    this.liveButton.setAttribute('aria-pressed', String(this.time === null && this.#connected));
     this.compare.setAttribute('aria-pressed', String(this.against !== null));
-    setText(this.compare, this.against === null ? 'Compare' : `Since ${format.time(this.against)} ×`);
+    setText(this.compare, this.against === null ? 'Compare' : `Since ${format.timeBeside(this.against, shown)} ×`);
     const label = this.against === null ? 'Changes from this time on' : `Changes are since ${format.time(this.against)}; show all since before digging`;
     this.compare.title = label;
     this.compare.setAttribute('aria-label', label);
@@ -117,6 +118,20 @@ export class Timeline {
     this.#waiting = this.ask(this.time, this.against);
   }
 
+  /** Without a connection no other time can be shown. */
+  setConnected(connected) {
+    this.#connected = connected;
+    for (const control of this.element.querySelectorAll('button, input')) control.disabled = !connected;
+    if (connected) this.#restore();
+    else this.#waiting = false;
+    this.#place();
+  }
+
+  /** Whether an answer is to come. */
+  get waits() {
+    return this.#waiting;
+  }
+
   /** Called when the server has answered; requests are sent one at a time, and the latest choice is next. */
   answered() {
     this.#waiting = false;
@@ -125,6 +140,7 @@ export class Timeline {
 
   /** Shows the ground at a time; null: the newest. */
   show(time) {
+    if (!this.#connected) return;
     this.time = time;
     this.#place();
     this.#request();
@@ -141,15 +157,15 @@ export class Timeline {
 
   /** Compares with the time shown now; a second call compares with the ground before digging. */
   toggleAgainst() {
-    if (!this.times) return;
+    if (!this.times || !this.#connected) return;
     this.against = this.against === null ? (this.time ?? this.times.to) : null;
     this.#drawTicks();
     this.#place();
     this.#request();
   }
 
-  /** Requests the shown time again after a lost connection, unless it is the live view. */
-  restore() {
+  /** Requests the shown time again, unless it is the live view. */
+  #restore() {
     this.#asked = 'null;null';
     this.#waiting = false;
     this.#request();
