@@ -39,11 +39,12 @@ def test_force_is_told_to_who_asks(tmp_path):
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         *_, last = server.feed([{**state, "force": True} for state in passes("digger", 0, 0.2, 40)])
         assert last["force_n"][0] < -500 and abs(last["force_n"][1]) < 1, last
-        assert len(last["moment_nm"]) == 3 and last["limited"] == ""
+        assert len(last["moment_nm"]) == 3
+        assert last["limited"] == "blade below ground", "its first face ends 0.1 m above the lip"
         none, = server.feed([{**next(passes("plate", 3, -0.5, 40)), "force": False}])
         assert "error" not in none and "force_n" not in none and "limited" not in none
-        heel, = server.feed([{"machine": "digger", "position": [4, 0, -0.5], "rotation": [0, 0, 0, 1], "force": True}])
-        assert heel["limited"] == "heel"
+        in_air, = server.feed([{**next(passes("plate", 3, -0.5, 40)), "force": True}])
+        assert in_air["limited"] == ""
         bad, = server.feed([{**next(passes("plate", 3, -0.5, 40)), "force": 1}])
         assert bad["error"] == "'force' must be true or false"
     with Server(scenario(tmp_path), cwd=tmp_path) as server:
