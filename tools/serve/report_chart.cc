@@ -18,7 +18,10 @@ constexpr double kYTicks = 4, kXTicks = 4;
 constexpr const char* kChartColours[] = {"#0b6fa4", "#e39b2d", "#1f7a5c", "#c25a8a",
                                          "#76b7dd", "#7a4f1d", "#9a86d8", "#5a646b"};
 
-const char* colour_of(std::size_t i) { return kChartColours[i % std::size(kChartColours)]; }
+const char* colour_of(const std::vector<ChartSeries>& series, std::size_t i) {
+  return series[i].colour != nullptr ? series[i].colour
+                                     : kChartColours[i % std::size(kChartColours)];
+}
 
 /// 1, 2 or 5 times a power of ten, at least `about`.
 double round_up_125(double about) {
@@ -72,7 +75,7 @@ std::string framed(const std::string& content, const std::vector<ChartSeries>& s
     html += fmt::format(
         "<li><svg viewBox=\"0 0 12 12\" aria-hidden=\"true\"><rect width=\"12\" height=\"12\" "
         "fill=\"{}\"/></svg>{}</li>",
-        colour_of(i), html_text(series[i].name));
+        colour_of(series, i), html_text(series[i].name));
   return html + "</ul>";
 }
 
@@ -105,7 +108,7 @@ std::string lines_of(const std::vector<ChartSeries>& series, const std::vector<d
                          axes.y(series[k].values[i]));
     out += fmt::format(
         "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-linejoin=\"round\"/>",
-        way, colour_of(k));
+        way, colour_of(series, k));
   }
   return framed(out, series);
 }
@@ -163,7 +166,7 @@ std::string bar_chart(std::vector<ChartSeries> series, std::vector<double> ends_
       out += fmt::format(
           "<rect x=\"{:.2f}\" y=\"{:.2f}\" width=\"{:.2f}\" height=\"{:.2f}\" fill=\"{}\"/>",
           left + gap, axes.y(below[i] + value), wide - 2 * gap,
-          axes.y(below[i]) - axes.y(below[i] + value), colour_of(k));
+          axes.y(below[i]) - axes.y(below[i] + value), colour_of(series, k));
       below[i] += value;
     }
   }

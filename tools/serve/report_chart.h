@@ -12,7 +12,8 @@ namespace soilvdb::tools {
 
 struct ChartSeries {
   std::string name;
-  std::vector<double> values;  ///< by period
+  std::vector<double> values;    ///< by period
+  const char* colour = nullptr;  ///< null: one that differs from those of the others
 };
 /// The text of a time on the axis.
 using ChartTicks = std::function<std::string(double time_s)>;

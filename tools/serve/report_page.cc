@@ -20,6 +20,9 @@
 namespace soilvdb::tools {
 namespace {
 
+/// Of machines in their order: kMachineColors of tools/view/src/machines.js.
+constexpr const char* kMachineColours[] = {"#e69f00", "#56b4e9", "#009e73", "#cc79a7",
+                                           "#f0e442", "#0072b2", "#d55e00"};
 constexpr double kDay_s = 86400, kHour_s = 3600;
 
 /// Numbers and times as this report shows them, with the same decimals throughout.
@@ -192,7 +195,8 @@ std::string charts_of(const Report& report, const ReportText& text) {
   ChartSeries sums[] = {{std::string("Dug (") + text.dug_soil() + ')', {}},
                         {"Put down" + moved, {}},
                         {"Hauled" + moved, {}}};
-  for (const std::string& name : report.names()) cut.push_back({name, {}});
+  for (std::size_t i = 0; i < report.names().size(); ++i)
+    cut.push_back({report.names()[i], {}, kMachineColours[i % std::size(kMachineColours)]});
   for (const Report::Period& period : report.periods()) {
     ends_s.push_back(period.to_s);
     for (std::size_t i = 0; i < cut.size(); ++i) cut[i].values.push_back(report.row(period, i).cut);

@@ -29,11 +29,12 @@ th, td { padding: 5px 8px; text-align: right; border-bottom: 1px solid var(--lin
 thead th { vertical-align: bottom; color: var(--faint); font-weight: 500; border-bottom: 1px solid var(--ink); }
 th:first-child { text-align: left; padding-left: 0; }
 tbody th { font-weight: 400; }
-table.machines tbody th { white-space: normal; overflow-wrap: anywhere; min-width: 76px; }
+:is(.machines, .areas) tbody th { white-space: normal; overflow-wrap: anywhere; min-width: 76px; }
 tfoot th, tfoot td { font-weight: 600; border-top: 1px solid var(--ink); border-bottom: 0; }
 tr { break-inside: avoid; }
 .charts { display: grid; grid-template-columns: 1fr 1fr; gap: 12px 28px; margin-top: 20px; }
 figure { margin: 0; break-inside: avoid; }
+figcaption, ul.key { overflow-wrap: anywhere; }
 figcaption { font-weight: 600; }
 svg.chart { display: block; width: 100%; height: auto; }
 svg text { font: 11px system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", sans-serif; fill: var(--faint); }
@@ -47,9 +48,9 @@ footer { break-inside: avoid; margin-top: 28px; padding-top: 8px; border-top: 1p
   nav a { padding: 6px 0; }
   thead { display: none; }
   table, tbody, tfoot { display: block; }
-  tr { display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px 10px; padding: 8px 0; border-bottom: 1px solid var(--line); }
+  tr { display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px 10px; padding: 8px 0; border-bottom: 1px solid var(--line); }
   tfoot tr { border-top: 1px solid var(--ink); border-bottom: 0; }
-  th, td, tfoot th, tfoot td { border: 0; padding: 0; text-align: left; }
+  th, td, tfoot th, tfoot td { border: 0; padding: 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
   tbody th { font-weight: 600; }
   tr > th { grid-column: 1 / -1; }
   td::before { content: attr(data-name); display: block; color: var(--faint); font-size: 12px; font-weight: 400; }
