@@ -181,8 +181,9 @@ class GroundRays {
     Coord2 first;
     const RayPage* page;
     int level;  ///< of its square, which is wider if nothing changed in it
+    int outside = -1 << level;
 
-    bool holds(int x, int y) const { return ((x ^ first.x()) | (y ^ first.y())) >> level == 0; }
+    bool holds(int x, int y) const { return (((x ^ first.x()) | (y ^ first.y())) & outside) == 0; }
     RayPage::Bounds bounds(int of_level, int x, int y) const {
       if (page == nullptr) return {-kNoBound, kNoBound};
       return page->bounds[RayPage::square(of_level, x - first.x(), y - first.y())];
@@ -215,6 +216,7 @@ class GroundRays {
     if (begin.low > to.high || terrain.high < begin.low) return true;
     if (begin.high > to.low || terrain.low < begin.high) return false;
     beam.start(begin, box.min(), box.max());
+    if (!beam.is_in_one(kRayLevels)) return false;
     Page page = page_at(beam.x(), beam.y());
     for (int level = page.level; beam.is_in_one(level);) {
       const int x = beam.x(), y = beam.y();

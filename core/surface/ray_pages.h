@@ -72,7 +72,8 @@ class RayPages {
   }
   /// Where there is no page: the level of a square around it that has none at all.
   /// @param first quad of a page
-  int empty_level(const Coord2& first) const {
+  [[gnu::noinline]] int empty_level(const Coord2& first) const {
+    if (!plan_.empty() && size_.maxCoeff() <= kFewPages) return kRayLevels;
     std::size_t k = 0;
     while (k < kWider && !squares_[k].contains(square_key(k, first))) ++k;
     return kRayLevels + kWiderLevels * static_cast<int>(k);
@@ -106,6 +107,8 @@ class RayPages {
   /// quads.
   static constexpr std::size_t kWider = 8;
   static constexpr int kWiderLevels = 2;
+  /// Pages across that are sooner passed one by one.
+  static constexpr int kFewPages = 16;
   static std::uint64_t square_key(std::size_t k, const Coord2& first) {
     const int level = kRayLevels + kWiderLevels * static_cast<int>(k + 1);
     return plan_key(floor_to(first, 1 << level));
