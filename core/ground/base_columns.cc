@@ -28,24 +28,25 @@ double mean_height(const Ground& ground, int x, int y) {
   return (sum / 4 - ground.origin().z()) / ground.voxel_size_m();
 }
 
+/// Is there ground all over a column of cells whose middle has some?
 bool all_ground(const Ground& ground, int x, int y) {
   const auto has = [&](double u, double v) { return height(ground, x + u, y + v).has_value(); };
-  return has(0, 0) && has(-kColumnCorner, -kColumnCorner) && has(-kColumnCorner, kColumnCorner) &&
+  return has(-kColumnCorner, -kColumnCorner) && has(-kColumnCorner, kColumnCorner) &&
          has(kColumnCorner, -kColumnCorner) && has(kColumnCorner, kColumnCorner);
 }
 
 /// Heights by counting, as those of ground that was touched are: then soil that comes onto it or
 /// goes finds the height that it had. NaN where cliffs take more chunks than are looked at.
-void count_heights(const Ground& ground, int cx, int cy, BaseColumn& column) {
+void count_heights(const Ground& ground, int cx, int cy, TerrainChunks& chunks,
+                   BaseColumn& column) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   column.heights.fill(kNone);
   std::array<double, BaseColumn::kCells> above{};
   int left = BaseColumn::kCells;
-  SampleWords words;
   CellCounts counts;
+  chunks.begin({cx, cy}, kMaxCountedChunks);
   for (int n = 0, z = column.highest; n < kMaxCountedChunks && left > 0; ++n, z -= kChunkSide) {
-    ground.read_base({cx, cy, z}, words);
-    count_cells(words, counts);
+    count_cells(chunks.read(ground, {cx, cy, z}).words, counts);
     for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
       for (int k = kChunkSide - 1; k >= 0 && std::isnan(column.heights[c]); --k) {
         const int count = counts[c * kChunkSide + static_cast<std::size_t>(k)];
@@ -59,18 +60,20 @@ void count_heights(const Ground& ground, int cx, int cy, BaseColumn& column) {
   }
 }
 
-BaseColumn column_of(const Ground& ground, int cx, int cy) {
+BaseColumn column_of(const Ground& ground, int cx, int cy, TerrainChunks& chunks) {
   BaseColumn column;
   const double h = ground.voxel_size_m();
   double low_m = std::numeric_limits<double>::infinity();
   const auto look = [&](int x, int y) {
     const auto height_m = height(ground, cx + x, cy + y);
-    if (!height_m || std::abs(*height_m - ground.origin().z()) > kMaxIndex * h) return;
+    if (!height_m) return false;
+    if (std::abs(*height_m - ground.origin().z()) > kMaxIndex * h) return true;
     low_m = std::min(low_m, *height_m);
     const int chunk =
         floor_to(cell_of((*height_m - ground.origin().z()) / ground.voxel_size_m()), kChunkSide);
     column.highest = column.some ? std::max(column.highest, chunk) : chunk;
     column.some = true;
+    return true;
   };
   for (const auto& [x, y] : {std::pair(4, 4), {0, 0}, {7, 0}, {0, 7}, {7, 7}}) look(x, y);
   const Vec3 corner = ground.world_from_index(Vec3(cx - 0.5, cy - 0.5, 0));
@@ -79,14 +82,18 @@ BaseColumn column_of(const Ground& ground, int cx, int cy) {
   for (int c = 0; c < BaseColumn::kCells; ++c) {
     const int x = c / kChunkSide, y = c % kChunkSide;
     if (!column.whole) {  // islands, cliffs at holes
-      look(x, y);
-      if (!all_ground(ground, cx + x, cy + y)) column.all_ground &= ~(std::uint64_t{1} << c);
+      if (!look(x, y) || !all_ground(ground, cx + x, cy + y))
+        column.all_ground &= ~(std::uint64_t{1} << c);
     }
   }
-  if (!column.some) column.all_ground = 0;
-  while (column.some && ground.classify({cx, cy, column.highest + kChunkSide}) != Content::kAir)
+  if (!column.some) {
+    column.all_ground = 0;
+    column.heights.fill(std::numeric_limits<double>::quiet_NaN());
+    return column;
+  }
+  while (ground.classify({cx, cy, column.highest + kChunkSide}) != Content::kAir)
     column.highest += kChunkSide;
-  if (column.some) count_heights(ground, cx, cy, column);
+  count_heights(ground, cx, cy, chunks, column);
   for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
     const int x = static_cast<int>(c) / kChunkSide, y = static_cast<int>(c) % kChunkSide;
     if (std::isnan(column.heights[c])) column.heights[c] = mean_height(ground, cx + x, cy + y);
@@ -97,6 +104,7 @@ BaseColumn column_of(const Ground& ground, int cx, int cy) {
 }  // namespace
 
 const TerrainChunks::Chunk& TerrainChunks::read(const Ground& ground, const Coord3& origin) {
+  was_read_ = true;
   for (const Chunk& known : chunks_)
     if (known.z == origin.z()) return known;
   Chunk& made = chunks_.emplace_back();
@@ -116,7 +124,7 @@ std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, in
     const auto known = told_->columns.find(key);
     if (known != told_->columns.end()) return known->second;
   }
-  auto column = std::make_shared<const BaseColumn>(column_of(ground_, cx, cy));
+  auto column = std::make_shared<const BaseColumn>(column_of(ground_, cx, cy, chunks_));
   const std::lock_guard lock(told_->mutex);
   if (told_->columns.size() >= kMaxBaseColumns) told_->columns.clear();
   return told_->columns.try_emplace(key, std::move(column)).first->second;

@@ -50,18 +50,22 @@ class TerrainChunks {
     }
   };
 
-  /// For another tile. @param most its chunks; the memory for them is got now
-  void begin(int most) {
-    chunks_.clear();
+  /// Keeps what it has of the same tile. @param most its chunks; the memory for them is got now
+  void begin(const Coord2& tile, int most) {
+    if (tile != tile_) chunks_.clear();
+    tile_ = tile;
+    was_read_ = false;
     chunks_.reserve(static_cast<std::size_t>(std::clamp(most, 0, kMostAtOnce)));
   }
-  bool empty() const { return chunks_.empty(); }
+  bool was_read() const { return was_read_; }  ///< since begin()
   /// Valid until the next call.
   const Chunk& read(const Ground& ground, const Coord3& origin);
 
  private:
   static constexpr int kMostAtOnce = 256;  // 1 MB; of higher cliffs as they are read
 
+  Coord2 tile_ = {0, 0};
+  bool was_read_ = false;
   std::vector<Chunk> chunks_;
 };
 

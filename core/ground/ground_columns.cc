@@ -44,10 +44,10 @@ class TileReader {
     if (by_ == By::kHeights) return read(columns_);
     last_ = last_chunk();
     // None above the highest is mixed, whatever the ceiling.
-    terrain_.begin((base_.highest - last_) / kChunkSide + 1);
+    terrain_.begin({cx_, cy_}, (base_.highest - last_) / kChunkSide + 1);
     read(columns_);
     // The terrain's samples take longest to make.
-    if (!terrain_.empty()) read(~columns_);
+    if (terrain_.was_read()) read(~columns_);
   }
 
   /// The lowest chunk that is looked at, some way below the terrain's lowest ground here.

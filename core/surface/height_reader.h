@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
@@ -198,6 +199,13 @@ class HeightReader {
     }
   }
 
+  /// Reads kSurface of one tile: of one that never changed only the terrain's heights, if there is
+  /// ground all over it. To be called after find_changed().
+  void read_surface(const Coord2& tile, Columns& out) {
+    if (has_changed(tile) || !read_terrain(tile, out))
+      read(tile, Coord2::Constant(kChunkSide), kSurface, kNoCeiling, out);
+  }
+
   /// Cells of a map along an axis as columns: the first, and how many.
   struct Overlap {
     double low, high;
@@ -256,18 +264,39 @@ class HeightReader {
     tile.surface &= ~fresh;
     if (!tile.touched) tile.initial |= fresh;
   }
-  void find_surface(Tile& tile, const Coord2& cell, std::uint64_t wanted) {
+  /// Height of the terrain at the middle of a column.
+  std::optional<double> terrain_height(const Coord2& cell) const {
     const double h = ground().voxel_size_m();
+    const Vec2 at = ground().origin().head<2>() + h * cell.cast<double>();
+    const std::optional<double> height = ground().terrain().height(at.x(), at.y());
+    if (!height) return {};
+    return (*height - ground().origin().z()) / h;
+  }
+  /// @return is there ground all over the tile?
+  bool read_terrain(const Coord2& tile, Columns& out) const {
+    out.first = tile;
+    out.size = Coord2::Constant(kChunkSide);
+    out.values.resize(BaseColumn::kCells);
+    double low = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < BaseColumn::kCells; ++i) {
+      const auto height = terrain_height(tile + Coord2(i / kChunkSide, i % kChunkSide));
+      if (!height) return false;
+      out.values[static_cast<std::size_t>(i)] = *height;
+      low = std::min(low, *height);
+    }
+    const Vec3 corner(tile.x() - 0.5, tile.y() - 0.5, low - 1);
+    return ground().terrain().has_data(
+        {ground().world_from_index(corner),
+         ground().world_from_index(corner + Vec3(kChunkSide, kChunkSide, 1))});
+  }
+  void find_surface(Tile& tile, const Coord2& cell, std::uint64_t wanted) {
     for (std::uint64_t left = wanted & ~tile.surface; left != 0; left &= left - 1) {
-      const auto i = static_cast<std::size_t>(std::countr_zero(left));
-      double& z = tile.layers[kSurface][i];
-      z = tile.layers[0][i];
-      if (tile.layers[kTouched][i] != 0) continue;
-      const Vec2 at =
-          ground().origin().head<2>() + h * Vec2(cell.x() + static_cast<int>(i) / kChunkSide,
-                                                 cell.y() + static_cast<int>(i) % kChunkSide);
-      if (const auto height = ground().terrain().height(at.x(), at.y()))
-        z = (*height - ground().origin().z()) / h;
+      const int i = std::countr_zero(left);
+      const auto n = static_cast<std::size_t>(i);
+      double& z = tile.layers[kSurface][n];
+      z = tile.layers[0][n];
+      if (tile.layers[kTouched][n] != 0) continue;
+      z = terrain_height(cell + Coord2(i / kChunkSide, i % kChunkSide)).value_or(z);
     }
     tile.surface |= wanted;
   }

@@ -166,9 +166,12 @@ void SurveyState::read(SurveyTile& tile, How how) {
   }
 }
 
-void SurveyState::require_room(std::span<const Vec3> points_m) const {
-  std::unordered_set<std::uint64_t> more;
+void SurveyState::require_room(const Eigen::AlignedBox2d& around_m,
+                               std::span<const Vec3> points_m) const {
   const double cells = 1 / voxel_m(), x0 = ground.origin().x(), y0 = ground.origin().y();
+  const Vec2 across = around_m.sizes() * cells / kChunkSide + Vec2(2, 2);
+  if (static_cast<double>(tiles.size()) + across.prod() < kMaxSurveyTiles) return;
+  std::unordered_set<std::uint64_t> more;
   Coord2 last = Coord2::Constant(std::numeric_limits<int>::max());
   for (const Vec3& point : points_m) {
     const double x = (point.x() - x0) * cells, y = (point.y() - y0) * cells;
@@ -240,11 +243,15 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
                         std::span<const Pose* const> poses, std::span<const PlacedBoxes> bodies) {
   sensor.validate();
   const Vec3& from = sensor.pose.position;
-  for (std::size_t i = 0; i < points_m.size(); ++i)
-    if (!((points_m[i] - from).norm() <= kMostScanRangeM))
+  Eigen::AlignedBox2d around_m;
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    if (!((points_m[i] - from).squaredNorm() <= kMostScanRangeM * kMostScanRangeM))
       throw std::invalid_argument("point " + std::to_string(i) + " must be numbers, and within " +
                                   text(kMostScanRangeM) + " m of the sensor");
-  state_->require_room(points_m);
+    around_m.extend(points_m[i].head<2>());
+  }
+  if (points_m.empty()) around_m.extend(from.head<2>());
+  state_->require_room(around_m, points_m);
   const bool is_known = state_->known(sensor).has_value();
   const ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.

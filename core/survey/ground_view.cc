@@ -22,6 +22,8 @@ constexpr float kBorder = 1e-3f;
 constexpr int kNextTo = 2;
 /// In place of a quad with a corner that has no ground. Rays that may meet it are cast.
 constexpr std::int32_t kRagged = -1;
+/// A quad is the number of its first column along x, then along y.
+constexpr int kQuadBits = 10, kQuadMask = (1 << kQuadBits) - 1;
 /// Ground nearer than this is not drawn, cells; and room to the ground about a place that needs
 /// none of it.
 constexpr float kNearest = 0.25f, kMostNear = 1 / kNearest;
@@ -65,7 +67,9 @@ SOILVDB_FOR_CPUS void find(const float* xs, const float* ys, const float* zs, st
 }  // namespace
 
 GroundView::GroundView(Ground& ground, HeightMap& map)
-    : ground_(ground), map_(map), changes_(ground) {}
+    : ground_(ground), map_(map), changes_(ground) {
+  static_assert(kSide <= 1 << kQuadBits);
+}
 
 /// Takes a place. @return is ground about it drawn?
 bool GroundView::begin(const Vec3& from_m) {
@@ -77,6 +81,7 @@ bool GroundView::begin(const Vec3& from_m) {
   const Coord3 first = floor_to(cell, kStep) - Coord3(kReach, kReach, 0);
   const std::vector<Coord3> changed = changes_.take();
   map_.reader().refresh();
+  map_.reader().find_changed();
   if (heights_.empty() || first != first_) {
     first_ = first;
     heights_.resize(std::size_t{kSide} * kSide);
@@ -117,8 +122,7 @@ void GroundView::read_tile(const Coord2& tile) {
   if (is_read != 0) return;
   HeightReader& reader = map_.reader();
   const Coord2 low = kChunkSide * tile;
-  reader.read(first_.head<2>() + low, Coord2::Constant(kChunkSide), HeightReader::kSurface,
-              kNoCeiling, reader.columns);
+  reader.read_surface(first_.head<2>() + low, reader.columns);
   for (int x = 0; x < kChunkSide; ++x)
     for (int y = 0; y < kChunkSide; ++y)
       heights_[static_cast<std::size_t>((low.x() + x) * kSide + low.y() + y)] =
@@ -271,7 +275,7 @@ void GroundView::draw_block(int number, Face& face, int bx, int by) {
         cover({&c00, &c01, &c10, &c11});
         continue;
       }
-      const std::int32_t quad = known == 4 ? (x0 + i) * kSide + y0 + j : kRagged;
+      const std::int32_t quad = known == 4 ? (x0 + i) << kQuadBits | (y0 + j) : kRagged;
       draw(c00, c10, c11, quad);
       draw(c00, c01, c11, quad);
     }
@@ -314,13 +318,13 @@ void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
     for (const Pixel& other : {pixels[1], pixels[row], pixels[row + 1]})
       if (other.nearness > pixel.nearness) pixel = other;
     if (pixel.quad < 0) continue;
-    int qx = pixel.quad / kSide, qy = pixel.quad % kSide;
+    int qx = pixel.quad >> kQuadBits, qy = pixel.quad & kQuadMask;
     // Where the four see one surface, bumps of less than a pixel alone are hidden between them.
     bool is_one = true;
     for (const std::int32_t other :
          {pixels[0].quad, pixels[1].quad, pixels[row].quad, pixels[row + 1].quad})
-      is_one &= other >= 0 && std::abs(other / kSide - qx) <= kNextTo &&
-                std::abs(other % kSide - qy) <= kNextTo;
+      is_one &= other >= 0 && std::abs((other >> kQuadBits) - qx) <= kNextTo &&
+                std::abs((other & kQuadMask) - qy) <= kNextTo;
     if (!is_one) continue;
     const float dx = rays.x[i], dy = rays.y[i], dz = rays.z[i];
     const float along = std::max({std::abs(dx), std::abs(dy), -dz});

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "core/constants.h"
@@ -119,19 +120,57 @@ class Mask {
   ScanRays few_;
 };
 
-std::int64_t in_units(float value, double unit) {
-  return std::lrint(static_cast<double>(value) / unit);
+std::int64_t levers(float value_m) {
+  return std::lrint(static_cast<double>(value_m) * kScanLeversPerM);
 }
-
 /// Of a residual or a height; what is farther is no residual.
 std::int64_t height_units(double height_m) {
-  return std::lrint(std::clamp(height_m, -kMostScanHeightM, kMostScanHeightM) / kScanUnit_m);
+  return std::lrint(std::clamp(height_m, -kMostScanHeightM, kMostScanHeightM) * kScanUnitsPerM);
 }
 std::int64_t weight_of(float sigma_m) {
   return std::max<std::int64_t>(1, std::lrint(1 / (sigma_m * sigma_m)));
 }
 
-/// Takes the rays of a scan. Coordinates are from the sensor, m; cells from its own column.
+/// Tiles about a sensor that are found without a look-up, columns.
+constexpr int kReach = 512, kTilesAbout = 2 * kReach / kChunkSide + 1;
+
+/// Columns about a sensor. Places are from it, m.
+struct ColumnsAbout {
+  std::array<float, 2> at = {};  // the sensor from their corner, columns
+  float cells = 0;               // 1 / m
+};
+
+/// The columns that places are in, from that of the corner.
+struct Places {
+  std::array<std::int32_t, kRaysAtOnce> x, y;
+  std::array<std::int32_t, kRaysAtOnce> tile;             // about the sensor; -1: farther away
+  std::array<std::int32_t, kRaysAtOnce> column, quarter;  // in the tile, and in that: 4 x + y
+};
+
+/// @param along how far on each ray, m
+SOILVDB_FOR_CPUS void find_places(const ColumnsAbout& columns, const float* x, const float* y,
+                                  const float* along, std::size_t count, Places& out) {
+  constexpr float kMost = 1 << 24;
+  constexpr int kMask = kChunkSide - 1;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float far_u = columns.at[0] + along[i] * x[i] * columns.cells;
+    const float far_v = columns.at[1] + along[i] * y[i] * columns.cells;
+    const float u = far_u > -kMost ? std::min(far_u, kMost) : -kMost;  // also of what is no number
+    const float v = far_v > -kMost ? std::min(far_v, kMost) : -kMost;
+    const float low_u = std::floor(u), low_v = std::floor(v);
+    const auto cx = static_cast<std::int32_t>(low_u), cy = static_cast<std::int32_t>(low_v);
+    const std::int32_t tx = cx >> 3, ty = cy >> 3;
+    const bool is_near = tx >= 0 && ty >= 0 && tx < kTilesAbout && ty < kTilesAbout;
+    out.x[i] = cx;
+    out.y[i] = cy;
+    out.tile[i] = is_near ? tx * kTilesAbout + ty : -1;
+    out.column[i] = (cx & kMask) * kChunkSide + (cy & kMask);
+    out.quarter[i] =
+        4 * static_cast<std::int32_t>(4 * (u - low_u)) + static_cast<std::int32_t>(4 * (v - low_v));
+  }
+}
+
+/// Takes the rays of a scan. Coordinates are from the sensor, m.
 class Rays {
  public:
   Rays(SurveyState& state, const Sensor& sensor, int number)
@@ -141,7 +180,6 @@ class Rays {
         squared_(static_cast<float>(sensor.range_squared_sigma_per_m)),
         number_(number),
         h_(static_cast<float>(state.voxel_m())),
-        cells_(1 / h_),
         mount_{static_cast<float>(sensor.mount_height_sigma_m * sensor.mount_height_sigma_m),
                static_cast<float>(sensor.mount_tilt_sigma_rad * sensor.mount_tilt_sigma_rad),
                static_cast<float>(sensor.mount_scale_sigma * sensor.mount_scale_sigma)} {
@@ -150,16 +188,40 @@ class Rays {
     if (!is_near_) return;
     first_ =
         floor_to(Coord2(cell_of(at.x()), cell_of(at.y())), kChunkSide) - Coord2::Constant(kReach);
+    columns_.cells = 1 / h_;
     for (int a = 0; a < 2; ++a)
-      at_[static_cast<std::size_t>(a)] = static_cast<float>(at[a] - first_[a] + 0.5);
+      columns_.at[static_cast<std::size_t>(a)] = static_cast<float>(at[a] - first_[a] + 0.5);
     level_ = state.ground.origin().z() - from_.z();
   }
 
+  /// @param ranges to the ground as it is expected, m
+  void take(const ScanRays& rays, std::span<const float> ranges) {
+    for (std::size_t begin = 0; begin < rays.count(); begin += kRaysAtOnce) {
+      const std::size_t count = std::min(kRaysAtOnce, rays.count() - begin);
+      const float *const x = &rays.x[begin], *const y = &rays.y[begin];
+      find_places(columns_, x, y, &ranges[begin], count, met_);
+      find_places(columns_, x, y, &rays.length_m[begin], count, ends_);
+      for (std::size_t i = 0; i < count; ++i)
+        take({i, x[i], y[i], rays.z[begin + i], rays.length_m[begin + i]}, ranges[begin + i]);
+    }
+  }
+
+ private:
   struct Ray {
+    std::size_t number;     // in met_ and ends_
     float x, y, z, length;  // direction; m
   };
+  struct Slot {
+    SurveyTile* tile = nullptr;
+    std::array<ScanSums, BaseColumn::kCells>* sums = nullptr;
+  };
+  /// A column that a place is in.
+  struct Place {
+    Slot* slot = nullptr;
+    std::size_t i = 0, quarter = 0;
+    SurveyColumn& column() const { return slot->tile->columns[i]; }
+  };
 
-  /// @param range to the ground as it is expected, m
   void take(const Ray& ray, float range) {
     const float sigma = constant_ + squared_ * ray.length * ray.length;
     RayCounts& rays = state_.rays;
@@ -184,39 +246,20 @@ class Rays {
     if (!hit(ray, sigma)) ++rays.dropped;
   }
 
- private:
-  /// Tiles about the sensor that are found without a look-up, columns.
-  static constexpr int kReach = 512, kTiles = 2 * kReach / kChunkSide + 1;
-  struct Slot {
-    SurveyTile* tile = nullptr;
-    std::array<ScanSums, BaseColumn::kCells>* sums = nullptr;
-  };
-  /// A column that a place is in.
-  struct Place {
-    Slot* slot;
-    std::size_t i, quarter;
-    SurveyColumn& column() const { return slot->tile->columns[i]; }
-  };
-
-  /// @param x, y from the sensor, m @return whether it is near enough
-  bool find(float x, float y, Place& place) {
-    const float u = at_[0] + x * cells_, v = at_[1] + y * cells_;
-    const float low_u = std::floor(u), low_v = std::floor(v);
-    const auto cx = static_cast<int>(low_u), cy = static_cast<int>(low_v);
-    constexpr int kMask = kChunkSide - 1;
-    place.i = static_cast<std::size_t>((cx & kMask) * kChunkSide + (cy & kMask));
-    place.quarter = static_cast<std::size_t>(4 * static_cast<int>(4 * (u - low_u)) +
-                                             static_cast<int>(4 * (v - low_v)));
-    const int tx = cx >> 3, ty = cy >> 3;
-    if (tx >= 0 && ty >= 0 && tx < kTiles && ty < kTiles) {
-      place.slot = &near_[static_cast<std::size_t>(tx * kTiles + ty)];
+  /// @return whether it is near enough
+  bool find(const Places& places, std::size_t number, Place& place) {
+    place.i = static_cast<std::size_t>(places.column[number]);
+    place.quarter = static_cast<std::size_t>(places.quarter[number]);
+    const int near = places.tile[number];
+    const Coord2 in(places.x[number], places.y[number]);
+    if (near >= 0) {
+      place.slot = &near_[static_cast<std::size_t>(near)];
     } else {
-      const Coord2 cell = first_ + Coord2(cx, cy);
-      if (!(cell.cwiseAbs().maxCoeff() < static_cast<int>(kMaxIndex))) return false;
-      place.slot = &far_[plan_key({tx, ty})];
+      if (!((first_ + in).cwiseAbs().maxCoeff() < static_cast<int>(kMaxIndex))) return false;
+      place.slot = &far_[plan_key(floor_to(in, kChunkSide))];
     }
     if (place.slot->tile == nullptr) {
-      const Coord2 cell = first_ + kChunkSide * Coord2(tx, ty);
+      const Coord2 cell = first_ + floor_to(in, kChunkSide);
       if (!(cell.cwiseAbs().maxCoeff() < static_cast<int>(kMaxIndex))) return false;
       place.slot->tile = &state_.tile(cell);
       state_.news.insert(SurveyState::mark(cell));
@@ -225,8 +268,7 @@ class Rays {
   }
   /// How a height that a ray measures errs with its sensor's mount. @param arm from the sensor, m
   static std::array<std::int64_t, 4> sees(float x, float y, float along) {
-    return {1000, in_units(x, kScanLever_m), in_units(y, kScanLever_m),
-            in_units(along, kScanLever_m)};
+    return {1000, levers(x), levers(y), levers(along)};
   }
   static_assert(kScanLever_m == 1e-3);
   /// Area in plan that a ray stands for, on level ground.
@@ -242,10 +284,10 @@ class Rays {
   /// Did a ray end about where it was to meet the ground? Tells the column there.
   bool meet(const Ray& ray, float range, float sigma) {
     Place met;
-    const float x = range * ray.x, y = range * ray.y;
-    if (!find(x, y, met)) return false;
+    if (!find(met_, ray.number, met)) return false;
     SurveyColumn& column = met.column();
     if (std::isnan(column.top)) return false;
+    const float x = range * ray.x, y = range * ray.y;
     const Vec2& slope = met.slot->tile->slopes[met.i];
     const auto a = static_cast<float>(slope.x()), b = static_cast<float>(slope.y());
     const float descent = ray.z - (a * ray.x + b * ray.y), off = ray.length - range;
@@ -253,27 +295,28 @@ class Rays {
     Place end;
     if (descent > -static_cast<float>(kLeastDescent) || a * a + b * b >= kWall) {
       if (!(std::abs(off) < 3 * sigma + static_cast<float>(kWallGateM))) return false;
-      if (find(ray.length * ray.x, ray.length * ray.y, end)) ++end.column().blind;
+      if (find(ends_, ray.number, end)) ++end.column().blind;
       return true;
     }
     const float residual = off * descent, z = range * descent;
     const float error = sigma * std::abs(descent) + static_cast<float>(kScanErrorM);
-    if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_) ||
-        residual * residual >=
-            9 * (error * error +
-                 static_cast<float>(state_.expected_variance(*met.slot->tile, met.i)) + mount_[0] +
-                 mount_[1] * (x * x + y * y) + mount_[2] * z * z))
+    if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_))
       return false;
-    std::int64_t r = in_units(residual, kScanUnit_m);
+    const float own = residual * residual - 9 * error * error;
+    if (own >= 0 &&
+        own >= 9 * (static_cast<float>(state_.expected_variance(*met.slot->tile, met.i)) +
+                    mount_[0] + mount_[1] * (x * x + y * y) + mount_[2] * z * z))
+      return false;
+    std::int64_t r = height_units(static_cast<double>(residual));
     if (column.top != column.first)
       r += height_units((column.top - column.first) * state_.voxel_m());
     if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
     (*met.slot->sums)[met.i].add(weight_of(error), r, sees(x, y, z));
     ++column.rays;
-    if (find(ray.length * ray.x, ray.length * ray.y, end)) {
-      SurveyColumn& own = end.column();
-      own.cells.add(end.quarter, area_of(ray));
-      if (!std::isnan(own.first)) own.height += height_units(above(own, ray.length * ray.z));
+    if (find(ends_, ray.number, end)) {
+      SurveyColumn& in = end.column();
+      in.cells.add(end.quarter, area_of(ray));
+      if (!std::isnan(in.first)) in.height += height_units(above(in, ray.length * ray.z));
     }
     return true;
   }
@@ -281,8 +324,8 @@ class Rays {
   /// A vote for the height at which a ray ended.
   bool hit(const Ray& ray, float sigma) {
     Place end;
+    if (!find(ends_, ray.number, end)) return false;
     const float x = ray.length * ray.x, y = ray.length * ray.y, z = ray.length * ray.z;
-    if (!find(x, y, end)) return false;
     const double height = above(end.column(), z);
     if (!(std::abs(height) < kMostScanHeightM)) return false;
     const int bin = static_cast<int>(std::floor(height / kScanBinM));
@@ -299,13 +342,14 @@ class Rays {
   const Vec3 from_;
   const float constant_, squared_;  // of a ray's sigma
   const int number_;
-  const float h_, cells_;
+  const float h_;
   const std::array<float, 3> mount_;  // variances of its height, its tilts, its scale
   bool is_near_ = false;
-  Coord2 first_ = {0, 0};         // column from which columns are counted
-  std::array<float, 2> at_ = {};  // the sensor from its corner
-  double level_ = 0;              // of index space, from the sensor, m
-  std::vector<Slot> near_ = std::vector<Slot>(std::size_t{kTiles} * kTiles);
+  Coord2 first_ = {0, 0};  // column from which columns are counted
+  ColumnsAbout columns_;   // from there
+  double level_ = 0;       // of index space, from the sensor, m
+  Places met_, ends_;      // of rays at a time: where they were to meet the ground, and ended
+  std::vector<Slot> near_ = std::vector<Slot>(std::size_t{kTilesAbout} * kTilesAbout);
   std::unordered_map<std::uint64_t, Slot, PlanHash> far_;
 };
 
@@ -315,10 +359,13 @@ bool SurveyState::is_met(const Vec3& end) const {
   const Vec3 at = ground.index_from_world(end);
   const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
   std::int64_t count = 0;
+  std::optional<Coord2> last;
+  auto tile = tiles.end();
   for (int dx = -1; dx <= 1; ++dx) {
     for (int dy = -1; dy <= 1; ++dy) {
-      const Coord2 near = cell + Coord2(dx, dy);
-      const auto tile = tiles.find(plan_key(floor_to(near, kChunkSide)));
+      const Coord2 near = cell + Coord2(dx, dy), low = floor_to(near, kChunkSide);
+      if (last != low) tile = tiles.find(plan_key(low));
+      last = low;
       if (tile == tiles.end()) continue;
       const std::size_t i = number_of(near);
       const auto votes = tile->second.votes.find(static_cast<int>(i));
@@ -347,11 +394,13 @@ void SurveyState::see_through() {
     if (!is_met(ray.to)) continue;
     bool any = false;
     std::optional<Coord2> last;
+    SurveyTile* in = nullptr;
     for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
       const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);
       if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) break;
       const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-      SurveyTile& tile = tile_of(cell);
+      if (in == nullptr || in->cell != floor_to(cell, kChunkSide)) in = &tile_of(cell);
+      SurveyTile& tile = *in;
       const std::size_t i = number_of(cell);
       const SurveyColumn& column = tile.columns[i];
       const double ceiling = place.z() + room;
@@ -391,8 +440,8 @@ ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> point
          points_m.subspan(begin, std::min(kRaysAtOnce, points_m.size() - begin))) {
       const Vec3 way = point - from;
       const double length = way.norm();
-      if (length == 0) continue;
-      const Vec3 along = way / length;
+      if (length < std::numeric_limits<float>::min()) continue;  // it has no direction
+      const Vec3 along = (1 / length) * way;
       all.x[count] = static_cast<float>(along.x());
       all.y[count] = static_cast<float>(along.y());
       all.z[count] = static_cast<float>(along.z());
@@ -417,9 +466,7 @@ void SurveyState::add_rays(const Sensor& sensor, int number, const ScanRays& end
   std::vector<float> ranges(ends.count());
   view.ranges(sensor.pose.position, ends, ranges);
   is_solved = is_solved && ends.count() == 0;
-  Rays all(*this, sensor, number);
-  for (std::size_t i = 0; i < ends.count(); ++i)
-    all.take({ends.x[i], ends.y[i], ends.z[i], ends.length_m[i]}, ranges[i]);
+  Rays(*this, sensor, number).take(ends, ranges);
 }
 
 }  // namespace soilvdb::inline v0

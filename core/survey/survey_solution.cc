@@ -194,6 +194,21 @@ Level level_at(const ScanVotes& votes, int first, int last) {
   return level;
 }
 
+/// Rays of a column: those that ended in it as expected, and all.
+struct RaysOf {
+  RaysOf(const SurveyColumn& column, const ScanVotes& votes)
+      : expected(column.cells.rays + column.blind), others(votes.rays()) {}
+
+  /// How many must agree on a height.
+  double least() const {
+    return std::max(static_cast<double>(kScanVotes),
+                    kScanShare * static_cast<double>(expected + others));
+  }
+  bool may_agree() const { return static_cast<double>(others) >= least(); }
+
+  std::int64_t expected, others;
+};
+
 int extent_of(const std::array<std::int64_t, 16>& areas) {
   return static_cast<int>(std::count_if(areas.begin(), areas.end(), [](auto a) { return a > 0; }));
 }
@@ -204,13 +219,10 @@ int extent_of(const std::array<std::int64_t, 16>& areas) {
 /// @param wall heights above the column's `first`, m, of rays that are of no new ground
 std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
                          const std::optional<Heights>& wall) {
-  const std::int64_t expected = column.cells.rays + column.blind;
-  const std::int64_t all = expected + votes.rays();
+  const RaysOf of_column(column, votes);
   std::map<int, std::int64_t> left;  // rays by bin
   for (const auto& [bin, hits] : votes.hits)
     for (const auto& [sensor, of_sensor] : hits) left[bin] += of_sensor.rays;
-  const double least =
-      std::max(static_cast<double>(kScanVotes), kScanShare * static_cast<double>(all));
   struct Height {
     double mean;  // m
     int first_bin, last_bin;
@@ -229,7 +241,7 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
       most = near;
       best = bin;
     }
-    if (static_cast<double>(most) < least) break;
+    if (static_cast<double>(most) < of_column.least()) break;
     int first = best, last = best;
     if (left.contains(best - 1)) first = best - 1;
     if (left.contains(best + 1)) last = best + 1;
@@ -258,7 +270,7 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
     }
   }
   int widest = 0;
-  std::int64_t most_rays = expected;
+  std::int64_t most_rays = of_column.expected;
   for (const Height& height : heights) {
     widest = std::max(widest, extent_of(height.areas));
     most_rays = std::max(most_rays, height.rays);
@@ -341,7 +353,9 @@ void SurveyState::take_votes() {
     for (const auto& [n, votes] : tile.votes) {
       const auto i = static_cast<std::size_t>(n);
       const SurveyColumn& column = tile.columns[i];
-      if (!std::isnan(column.top)) decisions.push_back(vote(column, votes, wall_at(tile, i)));
+      if (std::isnan(column.top)) continue;
+      decisions.push_back(RaysOf(column, votes).may_agree() ? vote(column, votes, wall_at(tile, i))
+                                                            : std::nullopt);
     }
   }
   auto decision = decisions.begin();

@@ -21,8 +21,9 @@
 
 namespace soilvdb::inline v0 {
 
-/// Units of integers: residuals and heights, m; levers of tilts, m.
+/// Units of integers: residuals and heights, m; levers of tilts, m. And how many are a metre.
 inline constexpr double kScanUnit_m = 1e-5, kScanLever_m = 1e-3;
+inline constexpr double kScanUnitsPerM = 1e5, kScanLeversPerM = 1e3;
 
 /// Of a sensor: height, tilts, scale.
 inline constexpr int kOfSensor = 4;
@@ -117,8 +118,8 @@ struct SurveyState : SurveyRecord {
   static SurveyTile new_tile(const Coord2& cell);
   /// A tile as the ground is, and changes nothing. @param own storage for one that is not known
   const SurveyTile& look(const Coord2& cell, std::optional<SurveyTile>& own);
-  /// @throw std::invalid_argument if too many tiles would be seen
-  void require_room(std::span<const Vec3> points_m) const;
+  /// @param around_m the points @throw std::invalid_argument if too many tiles would be seen
+  void require_room(const Eigen::AlignedBox2d& around_m, std::span<const Vec3> points_m) const;
   /// A sensor's number, if there was a scan of it. @throw std::invalid_argument if it may not scan
   std::optional<int> known(const Sensor& sensor) const;
   int sensor_of(const Sensor& sensor);

@@ -46,7 +46,7 @@ Sensor sensor_of(const py::object& position, const py::object& rotation, const p
   return sensor;
 }
 
-/// Where rays ended, in the sensor's frame, of a depth image; NaN: nothing.
+/// Where rays ended, in the sensor's frame, of a depth image.
 std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsics) {
   const Array image = array_of(depth, "depth");
   if (image.ndim() != 2) throw py::value_error("depth must have the shape (H, W)");
@@ -58,9 +58,10 @@ std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsic
   const io::CameraModel camera{0, 0, k[0], k[1], k[2], k[3]};
   std::vector<Vec3> points;
   points.reserve(static_cast<std::size_t>(image.size()));
+  const double* pixel = image.data();
   for (py::ssize_t v = 0; v < image.shape(0); ++v) {
     for (py::ssize_t u = 0; u < image.shape(1); ++u) {
-      const double z = image.at(v, u);
+      const double z = *pixel++;
       if (z > kMostScanRangeM && std::isfinite(z))
         throw py::value_error(
             fmt::format("depth must be in metres, at most {}; pixel ({}, {}) has {}: is it in "
@@ -94,8 +95,10 @@ void scan(Site& site, const Sensor& sensor, const py::object& points, const py::
       if (p.allFinite() && (world || !p.isZero(0))) ends.push_back(p);
     }
   }
-  if (!world)
-    for (Vec3& p : ends) p = sensor.pose * p;
+  if (!world) {
+    const Eigen::Matrix3d rotation = sensor.pose.rotation.toRotationMatrix();
+    for (Vec3& p : ends) p = rotation * p + sensor.pose.position;
+  }
   require_good(site.with([&](Session& session) { return session.scan(sensor, ends); }));
 }
 

@@ -269,7 +269,8 @@ std::vector<Vec3> scan_points(const ScanHead& head, std::string_view message,
           points_m[i].x(), points_m[i].y(), points_m[i].z(), (points_m[i] - eye).norm(),
           kMostScanRangeM));
   if (head.in_world) return std::move(points_m);
-  for (Vec3& point : points_m) point = sensor.pose * point;
+  const Eigen::Matrix3d rotation = sensor.pose.rotation.toRotationMatrix();
+  for (Vec3& point : points_m) point = rotation * point + sensor.pose.position;
   return std::move(cloud.points_m);
 }
 
