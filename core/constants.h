@@ -799,8 +799,12 @@ inline constexpr double kStereoFloorM = 0.005, kLidarFloorM = 0.003, kSlopeFloor
 inline constexpr double kBendFloor = 0.25;
 /// Neighbouring pixels of stereo that count as one.
 inline constexpr double kStereoPixels = 16;
-/// Side of the squares in which columns' own errors hang together, m.
-inline constexpr double kScanBlockM = 2;
+/// Side of the squares in which columns' own errors hang together, m; and the share of a column's
+/// variance that is alike in its square.
+inline constexpr double kScanBlockM = 2, kAlikeShare = 0.5;
+/// Error of a height by the ground's bend from which on its column tells nothing of errors that
+/// others share, m: at edges and feet, also of what scans found, many columns err to one side.
+inline constexpr double kMostBendErrorM = 0.02;
 /// A column takes no part in common errors if the mean about it, or itself, is off by so many
 /// sigmas. With larger values a half filled floor pulls the lip.
 inline constexpr double kPooledGate = 2.5, kColumnGate = 3.5;

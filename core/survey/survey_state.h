@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/constants.h"
 #include "core/surface/height_reader.h"
 #include "core/survey/common_errors.h"
 #include "core/survey/ground_view.h"
@@ -27,13 +28,6 @@ inline constexpr double kScanUnitsPerM = 1e5, kScanLeversPerM = 1e3;
 
 /// Of a sensor: height, tilts, scale.
 inline constexpr int kOfSensor = 4;
-
-/// Share of the variance of a column's own error that is alike in its block.
-inline constexpr double kAlikeShare = 0.5;
-
-/// Errors of heights by the ground's bend, m, from which on a column tells nothing of errors that
-/// it shares: at edges and feet, also of what scans found, many columns err to one side.
-inline constexpr double kMostBendErrorM = 0.02;
 
 /// What is known, apart from the ground.
 struct SurveyRecord {

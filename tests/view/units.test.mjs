@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the page makes of numbers, without a browser.
 import assert from 'node:assert/strict';
+import fs from 'node:fs';
 import test from 'node:test';
 import zlib from 'node:zlib';
 import {alarmLines} from '../../tools/view/src/alarms.js';
@@ -653,4 +654,12 @@ test('the free box of a picture is the largest that touches nothing', () => {
     assert.equal(box ? (box.right - box.left) * (box.bottom - box.top) : 0, most, JSON.stringify(over));
     if (box) for (let x = box.left; x < box.right; ++x) for (let y = box.top; y < box.bottom; ++y) assert.ok(free(x, y));
   }
+});
+
+test('a report has the colours of machines that the page has', () => {
+  const colours = (file, name) => {
+    const source = fs.readFileSync(new URL(`../../tools/${file}`, import.meta.url), 'utf8');
+    return source.slice(source.indexOf(name)).match(/^[^;]*/)[0].match(/#[0-9a-f]{6}/g);
+  };
+  assert.deepEqual(colours('serve/report_page.cc', 'kMachineColours[]'), colours('view/src/machines.js', 'kMachineColors ='));
 });

@@ -39,13 +39,17 @@ Json config_of(const io::JournalContent& journal, const Json& site,
   return config;
 }
 
-/// @throw io::InputError unless a journal belongs to a session of this site
-void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
+/// @throw io::InputError unless a journal is a session's, in the present format
+void require_session(const std::string& config, const fs::path& folder) {
   if (!tools::is_of_session(config))
     throw io::InputError(folder,
                          "holds a run of `soilvdb run`, which `soilvdb resume` goes on with; name "
                          "another folder");
   tools::check_record_format(config, folder);
+}
+
+/// @throw io::InputError unless a session's journal is of this site
+void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
   if (const std::string what = difference(io::from_cbor(config)["site"], site); !what.empty())
     throw io::InputError(
         folder,
@@ -129,11 +133,10 @@ io::JournalExtent Session::record(const Recording& given,
     }
     io::JournalContent content = io::read_journal(journal);
     std::optional<tools::MachineChange> change;
-    n.journal_config = content.config.text;
-    const bool of_session = tools::is_of_session(n.journal_config);
-    if (of_session) n.repeat_changes(io::from_cbor(n.journal_config), recording.folder);
+    require_session(content.config.text, recording.folder);
+    n.repeat_changes(io::from_cbor(content.config.text), recording.folder);
     const Json site = n.description(/*with_ground=*/true);
-    if (of_session) n.journal_config = io::to_cbor(config_of(content, site, change));
+    n.journal_config = io::to_cbor(config_of(content, site, change));
     require_same_site(n.journal_config, site, recording.folder);
     if (content.damaged)
       throw io::InputError(
@@ -205,6 +208,7 @@ Session Session::at_update(const fs::path& folder, std::uint64_t until) const {
   Session there(std::make_unique<State>(s));
   State& t = *there.state_;
   if (tools::is_of_session(content.config.text)) {
+    require_session(content.config.text, folder);
     t.repeat_changes(io::from_cbor(content.config.text), folder);
     require_same_site(content.config.text, t.description(/*with_ground=*/true), folder);
   } else {
