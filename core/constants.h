@@ -263,6 +263,9 @@ inline constexpr double kMapPointColumns = 32;
 inline constexpr double kSameCell = 1e-6, kSameAxis = 1e-9;
 /// Smallest cell of a map, voxels. Smaller ones would be lost in rounding.
 inline constexpr double kMinMapCell = 1e-3;
+/// Most cells of a column that may be missing below its topmost full one without a roof above them.
+/// With more a column over a shallow undercut is a slit, with fewer maps hold less than the ground.
+inline constexpr double kMostPoreCells = 1;
 /// Chunks from the top of the initial terrain downwards whose samples are counted for heights of
 /// columns. Columns of higher cliffs have the mean of a few heights, which is less exact.
 inline constexpr int kMaxCountedChunks = 4;

@@ -123,7 +123,8 @@ class TileReader {
     return chunk.loose_count > 0 ? &chunk.loose : nullptr;
   }
   /// Lowers columns by what is missing below their topmost full cell, as where a tool cut some
-  /// samples from the side. Not over a cell without soil: what is above that is a roof.
+  /// samples from the side. Not over a cell without soil, or where more than a cell is missing: what
+  /// is above that is a roof.
   void subtract_pores(std::uint64_t columns) {
     int last = top_chunk();
     std::uint64_t known = 0;
@@ -164,6 +165,7 @@ class TileReader {
     }
     each_of(known & ~roofs, [&](int c) {
       const double pores = missing[static_cast<std::size_t>(c)] / 64.0;
+      if (pores > kMostPoreCells) return;
       column(c).top -= pores;
       column(c).bank -= pores;
     });

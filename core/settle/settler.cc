@@ -139,18 +139,30 @@ double Settler::mean_height(const Line& line_m, const Vec2& ahead,
   return sum / (steps * kColumnsBefore);
 }
 
-bool Settler::fail(const Eigen::AlignedBox3d& around_m, bool bank_fails) {
-  if (around_m.isEmpty()) return true;
-  const Eigen::AlignedBox3i around(ground_.index_from_world(around_m.min()).unaryExpr(&cell_of),
-                                   ground_.index_from_world(around_m.max()).unaryExpr(&cell_of));
-  break_overhangs(around);
-  if (!strength_ || !bank_fails) return true;
-  return fail_banks({Coord2(around.min().head<2>()), Coord2(around.max().head<2>())});
+Eigen::AlignedBox3i Settler::cells_of(const Eigen::AlignedBox3d& box_m) const {
+  return {ground_.index_from_world(box_m.min()).unaryExpr(&cell_of),
+          ground_.index_from_world(box_m.max()).unaryExpr(&cell_of)};
 }
 
-bool Settler::settle(const Eigen::AlignedBox3d& around_m, bool bank_fails, TileSet& unrest) {
+bool Settler::fail(Eigen::AlignedBox3d& around_m) {
+  if (around_m.isEmpty() || !strength_) return true;
+  const Eigen::AlignedBox3i around = cells_of(around_m);
+  Eigen::AlignedBox2i changed(around.min().head<2>(), around.max().head<2>());
+  if (fail_banks(changed)) return true;
+  const double z = around.min().z();
+  around_m.extend(ground_.world_from_index({changed.min().x() + 0.0, changed.min().y() + 0.0, z}));
+  around_m.extend(ground_.world_from_index({changed.max().x() + 0.0, changed.max().y() + 0.0, z}));
+  return false;
+}
+
+bool Settler::settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& unrest) {
   for (int round = 0; round < kMaxRestRounds; ++round) {
-    const bool stands = fail(around_m, bank_fails);
+    break_overhangs(around_m);
+    bool stands = !bank_fails || fail(around_m);
+    for (int failures = 1; !stands && failures < kMaxBankFailures; ++failures) {
+      slide(unrest, kMaxFluxSteps);
+      stands = fail(around_m);
+    }
     const std::int64_t moved = totals_.moved();
     if (slide(unrest, kMaxFluxSteps) && stands) return true;
     // What the solver can't bring to rest stays.

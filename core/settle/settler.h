@@ -80,14 +80,16 @@ class Settler {
   /// counts as `low_m`, higher as `high_m`. @param ahead of unit length
   double mean_height(const Line& line_m, const Vec2& ahead, const std::array<double, 2>& low_m,
                      const std::array<double, 2>& high_m);
-  /// Overhangs in and around a box break off, and, if the bank may fail, cuts fail that are too
-  /// high for its cohesion. @return false if some soil still has to fail; call it again then
-  bool fail(const Eigen::AlignedBox3d& around_m, bool bank_fails);
+  /// Overhangs in and around a box break off.
+  void break_overhangs(const Eigen::AlignedBox3d& around_m);
+  /// Each cut in and around a box fails once that is too high for the bank's cohesion; what fails
+  /// should slide before the next call. @param around_m grows by it @return whether all stood
+  bool fail(Eigen::AlignedBox3d& around_m);
   /// Loose soil that is too steep slides, for some steps of the solver: in and around tiles, which
   /// then are those where some may still be too steep. @return whether all is at rest
   bool slide(TileSet& unrest, int steps);
-  /// fail() and slide() in turn until all is at rest. @return whether it is
-  bool settle(const Eigen::AlignedBox3d& around_m, bool bank_fails, TileSet& unrest);
+  /// These in turn until all is at rest. @return whether it is
+  bool settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& unrest);
   /// Tiles in which the ground changed since the last call, or since forget_changes().
   void take_changes(TileSet& changed);
 
@@ -124,8 +126,8 @@ class Settler {
   Poured pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool has_run,
               bool may_run_on);
   void raise(const Deposit& deposit, std::int64_t samples);
-  void break_overhangs(const Eigen::AlignedBox3i& around);
-  bool fail_banks(Eigen::AlignedBox2i changed);
+  Eigen::AlignedBox3i cells_of(const Eigen::AlignedBox3d& box_m) const;
+  bool fail_banks(Eigen::AlignedBox2i& changed);
   std::optional<bool> fail_bank(Eigen::AlignedBox2i& feet, bool last);
   void loosen(Loosening& loosening);
   bool fall(const TileSet& tiles, BlockedColumns& blocked);

@@ -24,7 +24,9 @@ void Settler::loosen(Loosening& loosening) {
 }
 
 /// What hangs on nothing falls straight down, and so do overhangs that are too long.
-void Settler::break_overhangs(const Eigen::AlignedBox3i& around) {
+void Settler::break_overhangs(const Eigen::AlignedBox3d& around_m) {
+  if (around_m.isEmpty()) return;
+  const Eigen::AlignedBox3i around = cells_of(around_m);
   for (int margin = kLedgeMargin, depth = kLedgeDepth;;) {
     refresh();
     Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, depth),
@@ -61,36 +63,26 @@ void Settler::break_overhangs(const Eigen::AlignedBox3i& around) {
   }
 }
 
-/// Lets cuts in and around columns of cells fail, and what is loose then slide, until all stands.
-bool Settler::fail_banks(Eigen::AlignedBox2i changed) {
+/// Lets cuts in and around columns of cells fail, each once. @param changed grows by what fails
+/// @return whether all stood
+bool Settler::fail_banks(Eigen::AlignedBox2i& changed) {
   int axis;
   if (changed.sizes().maxCoeff(&axis) > kMaxWindowCells / 2) {
     Eigen::AlignedBox2i low = changed, high = changed;
     low.max()[axis] = changed.center()[axis];
     high.min()[axis] = low.max()[axis] + 1;
-    const bool low_stands = fail_banks(low);
-    return fail_banks(high) && low_stands;
+    const bool low_stood = fail_banks(low), high_stood = fail_banks(high);
+    changed.extend(low).extend(high);
+    return low_stood && high_stood;
   }
-  int margin = kWindowMargin;
-  for (int failures = 0; failures < kMaxBankFailures;) {
+  for (int margin = kWindowMargin;; margin *= 2) {
     const Coord2 wide = Coord2::Constant(margin);
     const Coord2 first = floor_to(changed.min() - wide, kChunkSide);
     const Coord2 end = floor_to(changed.max() + wide, kChunkSide) + Coord2::Constant(kChunkSide);
     const Coord2 size = end - first;
     look_at(first, size);
-    const auto failed = fail_bank(changed, size.maxCoeff() >= kMaxWindowCells);
-    if (!failed) {
-      margin *= 2;
-    } else if (*failed) {
-      TileSet unrest;
-      slide(unrest, kMaxFluxSteps);
-      unrest.each([&](const Coord2& tile) { changed_.add(tile); });
-      ++failures;  // what is left may fail, too
-    } else {
-      return true;
-    }
+    if (const auto failed = fail_bank(changed, size.maxCoeff() >= kMaxWindowCells)) return !*failed;
   }
-  return false;
 }
 
 /// Makes bank loose in window_ that stands too high for its cohesion. @param feet columns of cells

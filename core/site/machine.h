@@ -100,6 +100,7 @@ class Machine {
   /// How much of the soil's way to rest it goes at a stop.
   enum class Rest { kSlides, kStands, kEnds };
   void stop(Ground& ground, double time_s, Rest rest);
+  void fail();
   void set_wall(const Ground& ground, const Pose& at);
   std::int64_t surplus();
   void let_go();

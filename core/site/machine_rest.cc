@@ -111,27 +111,38 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
     unsettled_box_.extend(box_around(here));
   }
   propped_box_.extend(unsettled_box_);
+  const bool stood = wall_.has_value();
   set_wall(ground, at);
+  if (stood && !wall_) unsettled_box_ = propped_box_;  // the bucket may have held it up
   const bool in_air = !wall_, bank_fails = rest == Rest::kEnds || in_air;
   tip(time_s);
   land(ground, time_s, !in_air || rest != Rest::kSlides);
-  const Eigen::AlignedBox3d& around = bank_fails ? propped_box_ : unsettled_box_;
-  bool stands = false;
   if (rest != Rest::kSlides) {
-    stands = settler_->settle(around, bank_fails, unrest_);
+    const Eigen::AlignedBox3d& around = bank_fails ? propped_box_ : unsettled_box_;
+    if (settler_->settle(around, bank_fails, unrest_)) {
+      stations_ = 0;
+      unsettled_box_.setEmpty();
+      if (in_air) propped_box_.setEmpty();
+    }
   } else {
     ++stations_;
-    if (in_air || stations_ >= kStationsPerRest) stands = settler_->fail(around, bank_fails);
+    if (in_air || stations_ >= kStationsPerRest) fail();
     if (in_air || stations_ % kStationsPerSlide == 0) settler_->slide(unrest_, kStationSteps);
-  }
-  if (stands) {
-    stations_ = 0;
-    unsettled_box_.setEmpty();
-    if (in_air) propped_box_.setEmpty();
   }
   station_ = at;
   swept_box_ = box_around(here);
   cut_before_ = ledger_.cut();
+}
+
+/// What hangs falls. Once the bucket has left, a bank that stands too steep fails, when soil that
+/// slid before has come to rest: it may lean on the bank.
+void Machine::fail() {
+  if (!unsettled_box_.isEmpty()) settler_->break_overhangs(wall_ ? unsettled_box_ : propped_box_);
+  unsettled_box_.setEmpty();
+  stations_ = 0;
+  if (wall_ || propped_box_.isEmpty()) return;
+  settler_->take_changes(unrest_);
+  if (unrest_.empty() && settler_->fail(propped_box_)) propped_box_.setEmpty();
 }
 
 /// The bucket is a wall to soil where it is in the ground. What leant on it where it was may slide.
@@ -228,6 +239,7 @@ void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_);
   tip(time_s);
   land(ground, time_s, true);
+  if (!wall_) fail();
   settler_->slide(unrest_, ticks * kStationSteps);
 }
 

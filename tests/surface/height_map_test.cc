@@ -509,19 +509,20 @@ TEST(HeightMap, TheFootOfAHighWallIsSeen) {
   EXPECT_LT(z, -0.3);
 }
 
-TEST(HeightMap, WhatAToolCutFromTheSideCounts) {
+TEST(HeightMap, WhatAToolCutFromTheSideCountsUpToACell) {
   Ground ground(0.1, Vec3(0, 0, 0), make_plane(2, {0, 0}));
   HeightMap heights(ground);
-  SampleWords half;
-  half.fill(0x0f0f0f0f0f0f0f0f);
-  for (const int z : {0, 8}) {
-    GroundWriter(ground).remove({0, 0, z}, half);
-    const double dug_m3 = sum_of(map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug)) * 0.01;
-    EXPECT_NEAR(dug_m3, -ground.change_m3(), 1e-9);
+  SampleWords eighth;
+  eighth.fill(0x0101010101010101);
+  for (const int z : {0, 8}) {  // a cell of each column; then two, so that what is above is a roof
+    GroundWriter(ground).remove({0, 0, z}, eighth);
+    const std::vector<double> dug = map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug);
+    if (z == 0) EXPECT_NEAR(sum_of(dug) * 0.01, -ground.change_m3(), 1e-9);
+    if (z > 0) EXPECT_EQ(*std::max_element(dug.begin(), dug.end()), 0);
   }
 }
 
-/// Of columns that are as they were but for these, and of shafts.
+/// Of columns that are as they were but for these, a cell in all, and of shafts.
 TEST(HeightMap, PoresCountDownTo32VoxelsBelowTheTopmostFullOne) {
   for (const int deep : {0, 1, 7, 8, 100, 103}) {
     Ground ground(0.1, Vec3(0, 0, 0), make_plane(0.04, {0, 0}));  // voxel -1 is full
@@ -535,7 +536,7 @@ TEST(HeightMap, PoresCountDownTo32VoxelsBelowTheTopmostFullOne) {
     for (int z = 0; z > -deep; --z) remove(z, kAllSoil);
     const int full = std::min(-1, -deep);
     for (const int below : {32, 25, 8, 1}) {
-      remove(full - below, 0x0f0f0f0f0f0f0f0f);
+      remove(full - below, 0x1111111111111111);
       const double dug_m3 = sum_of(map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug)) * 0.01;
       EXPECT_NEAR(dug_m3, -ground.change_m3(), 1e-9) << deep << ", " << below;
     }

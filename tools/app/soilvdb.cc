@@ -140,7 +140,7 @@ class CommandLine {
         "updates of each machine, even in time over its motion; default: one per row "
         "of the motion")
         ->transform(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
-    add_memory(sub, run_.memory_mb, "what it takes");
+    add_memory(sub, run_.memory_mb, "no limit");
     sub->add_flag("--no-mesh", no_mesh_, "no mesh, even if the scenario asks for one");
     sub->add_flag("--no-snapshots", no_snapshots_, "no snapshots, not even the last");
     sub->callback([this] {
@@ -151,7 +151,7 @@ class CommandLine {
   }
 
   void add_resume() {
-    CLI::App* sub = app_.add_subcommand("resume", "go on with an interrupted run to its end");
+    CLI::App* sub = app_.add_subcommand("resume", "resume an interrupted run");
     sub->add_option("DIR", resume_.folder, "folder the run writes to")->required();
     add_memory(sub, resume_.memory_mb, "as for the run");
     sub->callback([this] { stoppable([this] { resume(resume_); }); });
@@ -168,8 +168,7 @@ class CommandLine {
     add(sub, "--port", serve_.port, "P", "port to listen on, 0 for any that is free; default: 8470")
         ->transform(number_between(0, 65535, true, "a whole number from 0 to 65535"));
     add(sub, "--listen", serve_.listen, "ADDR",
-        "address of this machine to listen on; default: 127.0.0.1, for this machine "
-        "alone");
+        "address to listen on; default: 127.0.0.1, for this computer alone");
     add(sub, "--token-file", serve_.token_file, "FILE",
         "file with the secret of those who feed, and look; required with --listen. "
         "Default: the variable SOILVDB_TOKEN");
@@ -177,8 +176,8 @@ class CommandLine {
         "file with the secret of those who only look. Default: the variable "
         "SOILVDB_VIEW_TOKEN");
     add(sub, "--token", serve_.token, "T",
-        "the secret itself, which other users of this machine can then read");
-    add(sub, "--view-token", serve_.view_token, "T", "the same of those who only look");
+        "the secret itself; other users of the computer can read it");
+    add(sub, "--view-token", serve_.view_token, "T", "secret of those who only look");
     sub->add_flag("--public-view", serve_.public_view, "whoever only looks needs no secret");
     add(sub, "--base-path", serve_.base_path, "PATH",
         "path below which a proxy serves it, such as /dig; default: the root");
@@ -201,16 +200,16 @@ class CommandLine {
                   "exchange messages with nodes of ROS 2: the topics of motions move machines, and "
                   "loads, forces and the ground are published");
     add(sub, "--mqtt", serve_.mqtt, "BROKER",
-        "feed what is published below TOPIC/feed at a broker of MQTT, too: "
-        "[mqtts://][USER@]HOST[:PORT][/TOPIC]. Default: port 1883, with mqtts:// and "
-        "TLS 8883, and the topic soilvdb/<scenario name>");
+        "also take lines of feeds from TOPIC/feed/NAME of an MQTT broker: "
+        "[mqtts://][USER@]HOST[:PORT][/TOPIC]. Default: port 1883, with mqtts:// "
+        "(TLS) 8883; topic soilvdb/<scenario name>");
     add(sub, "--mqtt-password-file", serve_.mqtt_password_file, "FILE",
         "file with USER's password. Default: the variable SOILVDB_MQTT_PASSWORD");
     sub->callback([this] { command_ = [this] { serve(serve_); }; });
   }
 
   void add_verify() {
-    CLI::App* sub = app_.add_subcommand("verify", "check that all files of a run are intact");
+    CLI::App* sub = app_.add_subcommand("verify", "check whether a run or file is intact");
     sub->add_option("DIR|FILE", verify_.path, "folder of a run, or a snapshot or journal")
         ->required();
     sub->callback([this] { command_ = [this] { verify(verify_); }; });
