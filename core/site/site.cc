@@ -496,6 +496,10 @@ void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::s
   (survey_ ? *survey_ : *none_yet).sigmas(xy_m, sigmas_m, seen);
 }
 
+std::vector<Coord2> Site::seen_squares() const {
+  return survey_ ? survey_->seen_squares() : new_survey()->seen_squares();
+}
+
 double Site::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   const auto none_yet = survey_ ? nullptr : new_survey();
   return (survey_ ? *survey_ : *none_yet).volume_sigma_m3(boundary);

@@ -328,6 +328,19 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
   }
 }
 
+std::vector<Coord2> GroundSurvey::seen_squares() const {
+  SurveyState::Tiles cells;
+  for (const auto& [key, tile] : state_->tiles) cells.insert(SurveyState::mark(tile.cell));
+  if (state_->surveyed)
+    for (const Coord2& low : state_->surveyed->squares())
+      for (int x = 0; x < SurveyedHeights::kSide; x += kChunkSide)
+        for (int y = 0; y < SurveyedHeights::kSide; y += kChunkSide)
+          cells.insert(SurveyState::mark(low + Coord2(x, y)));
+  std::vector<Coord2> squares;
+  for (const auto& [x, y] : cells) squares.emplace_back(x, y);
+  return squares;
+}
+
 double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   SurveyState& s = *state_;
   s.map.reader().refresh();

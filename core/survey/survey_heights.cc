@@ -96,6 +96,12 @@ void SurveyedHeights::add(const SurveyHeights& survey) {
   }
 }
 
+std::vector<Coord2> SurveyedHeights::squares() const {
+  std::vector<Coord2> lows;
+  for (const auto& [cell, square] : squares_) lows.emplace_back(cell.first, cell.second);
+  return lows;
+}
+
 bool SurveyedHeights::are_of(const Coord2& column, double top) const {
   const Coord2 low = floor_to(column, kSide);
   const auto square = squares_.find({low.x(), low.y()});

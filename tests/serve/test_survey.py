@@ -19,6 +19,7 @@ import pytest
 import soilvdb
 from live import Server, passes, scenario, state_told, until
 from test_disk import fill, small_disk
+from test_sigmas import Sigmas
 
 VOXEL = 0.25
 CELL = 0.5
@@ -198,6 +199,21 @@ def test_voids_and_boundaries_leave_the_ground(site, tmp_path):
         # A part of it is beyond the terrain.
         answer = take(server, tif(tmp_path / "e.tif", surface(), first=(120.25, 200.25)))
         assert answer["outside"] == pytest.approx(0.5, abs=0.02)
+
+
+def test_what_a_survey_told_is_seen_until_it_is_dug(site, tmp_path):
+    with served(site) as server:
+        dig(server)
+        assert Sigmas(server).m.size == 0
+        area_m2 = take(server, tif(tmp_path / "m.tif", surface()))["area_m2"]
+        told = Sigmas(server)
+        assert told.cell == VOXEL and told.seen.sum() * told.cell ** 2 == pytest.approx(area_m2)
+        assert told.m[told.seen].min() == pytest.approx(0.010) and np.median(told.m[told.seen]) < 0.011, "as of terrain"
+        dig(server, 1.0)
+        now = Sigmas(server)
+        lost = told.seen & ~now.seen
+        assert 4 * 2 <= lost.sum() * told.cell ** 2 < 20, "the pass and what slid there"
+        assert np.all(abs(now.y[lost] - 220) < 3)
 
 
 def test_what_was_before_and_after_it_is_kept_and_survives_a_kill(site, tmp_path):

@@ -374,6 +374,8 @@ void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m,
   state_->sigmas(xy_m, sigmas_m, seen);
 }
 
+std::vector<Coord2> Session::seen_squares() const { return state_->seen_squares(); }
+
 const Ledger& Session::ledger(std::size_t machine) const {
   return state_->tracker().ledger(machine);
 }

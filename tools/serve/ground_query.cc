@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "core/lattice/bytes.h"
 #include "core/lattice/chunk_math.h"
 
 namespace soilvdb::tools {
@@ -193,6 +194,57 @@ Json GroundQuery::volume(const std::vector<Vec2>& boundary) {
 Sigmas GroundQuery::sigmas() {
   if (now_->lip_errors_m().empty()) return {};
   return [this](auto... all) { now_->sigmas(all...); };
+}
+
+std::string GroundQuery::sigma_map() {
+  constexpr double kMostCells = 1 << 20, kPerMetre = 1e4, kMost = 65534;
+  constexpr int kMostAlong = 4096;  // what browsers draw as one picture
+  constexpr std::uint16_t kNotSeen = 65535;
+  constexpr std::size_t kAtOnce = 1 << 16;
+  const std::vector<Coord2> squares = now_->seen_squares();
+  Eigen::AlignedBox2i box;
+  for (const Coord2& square : squares)
+    box.extend(square).extend(square + Coord2::Constant(kChunkSide - 1));
+  int side = 1;  // of a cell, columns
+  Coord2 low = Coord2::Zero(), size = Coord2::Zero();
+  for (; !squares.empty(); side *= 2) {
+    low = floor_to(box.min(), side);
+    size = (box.max() - low) / side + Coord2::Ones();
+    if (size.maxCoeff() <= kMostAlong && 1.0 * size.x() * size.y() <= kMostCells) break;
+  }
+  std::vector<std::uint16_t> cells(
+      static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()), kNotSeen);
+  const double voxel_m = now_->voxel_size_m();
+  const Vec2 origin = now_->origin().head<2>();
+  std::vector<Vec2> places;
+  std::vector<std::size_t> numbers;  // of the cells there
+  const auto look = [&] {
+    std::vector<double> sigmas_m(places.size()), seen(places.size());
+    now_->sigmas(places, sigmas_m, seen);
+    for (std::size_t i = 0; i < places.size(); ++i)
+      if (seen[i] == 1)
+        cells[numbers[i]] =
+            static_cast<std::uint16_t>(std::min(std::round(kPerMetre * sigmas_m[i]), kMost));
+    places.clear();
+    numbers.clear();
+  };
+  for (const Coord2& square : squares) {
+    for (int n = 0; n < kChunkSide * kChunkSide; ++n) {
+      const Coord2 column = square + Coord2(n / kChunkSide, n % kChunkSide), in = column - low;
+      if (in.x() % side != side / 2 || in.y() % side != side / 2) continue;  // of its middle
+      places.emplace_back(origin + voxel_m * column.cast<double>());
+      numbers.push_back(static_cast<std::size_t>(in.y() / side) *
+                            static_cast<std::size_t>(size.x()) +
+                        static_cast<std::size_t>(in.x() / side));
+    }
+    if (places.size() >= kAtOnce) look();
+  }
+  look();
+  std::string out;
+  put(out, (origin + voxel_m * (low.cast<double>() - Vec2::Constant(0.5))).eval(), side * voxel_m,
+      static_cast<std::uint32_t>(size.x()), static_cast<std::uint32_t>(size.y()));
+  for (const std::uint16_t cell : cells) put(out, cell);
+  return out;
 }
 
 std::string GroundQuery::block(const Coord3& block, std::uint32_t view) {

@@ -43,6 +43,8 @@ class GroundQuery {
 
   /// Looks up sigmas of heights, if there were scans; else empty.
   Sigmas sigmas();
+  /// Sigmas of the heights that scans or surveys saw, see "The sigmas" in tools/guide/live.md.
+  std::string sigma_map();
 
   std::string block(const Coord3& block, std::uint32_t view);
   /// The message about forces. @param view its number

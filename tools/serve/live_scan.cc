@@ -121,7 +121,12 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
   session_.take_warnings();  // of the first doubtful scan only
   if (!step.ok())
     throw std::runtime_error(session_.recording_fault().empty() ? step.why : kNotOnDisk + step.why);
-  fed_.count += !points_m.empty();  // without points there is seldom something to record
+  if (!points_m.empty()) {  // without points there is seldom something to record
+    ++fed_.count;
+    fed_.log.note_scan();
+    Scans& of = scans_[sensor.name];
+    of = {head.time_s ? head.time_s : time_s(), Clock::now(), of.count + 1};
+  }
   Json answer = {{"time", head.time_s ? Json(*head.time_s) : Json()},
                  {"acknowledged_s", nullptr},
                  {"removed_m3", survey.removed_m3},

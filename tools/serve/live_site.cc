@@ -299,6 +299,14 @@ Json LiveSite::state() const {
     machine["heard_s_ago"] = silent_s ? Json(*silent_s) : Json();
     machine["fix"] = feeds_[i].fix ? Json(word_of(*feeds_[i].fix)) : Json();
   }
+  Json scans = Json::array();
+  for (const auto& [sensor, of] : scans_)
+    scans.push_back(
+        {{"sensor", sensor},
+         {"time_s", of.time_s ? Json(*of.time_s) : Json()},
+         {"heard_s_ago", std::chrono::duration<double>(Clock::now() - of.heard).count()},
+         {"count", of.count}});
+  json["scans"] = std::move(scans);
   return json;
 }
 

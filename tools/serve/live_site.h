@@ -167,10 +167,16 @@ class LiveSite {
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   FedStates fed_;
   std::map<std::string, io::SensorInput> sensors_;  ///< by name
-  std::map<std::size_t, io::Geodetic> geodetic_;    ///< by machine, from its first position on
-  std::vector<Clock::time_point> moved_;            ///< by machine
-  std::vector<MachineFeed> feeds_;                  ///< by machine
-  std::vector<std::optional<double>> doubted_s_;    ///< by machine: refused as too far ahead
+  struct Scans {
+    std::optional<double> time_s = {};  ///< of the last; the site's if it had none
+    Clock::time_point heard = {};
+    std::uint64_t count = 0;
+  };
+  std::map<std::string, Scans> scans_;            ///< since this program began, by sensor
+  std::map<std::size_t, io::Geodetic> geodetic_;  ///< by machine, from its first position on
+  std::vector<Clock::time_point> moved_;          ///< by machine
+  std::vector<MachineFeed> feeds_;                ///< by machine
+  std::vector<std::optional<double>> doubted_s_;  ///< by machine: refused as too far ahead
   Clock::time_point begin_ = Clock::now();
   std::uint64_t undos_ = 0;
   std::uint64_t changes_of_past_ = 0;

@@ -389,6 +389,11 @@ void ServerState::answer(const std::string& text, const std::string& client,
         });
       });
     }
+    if (asked.are_for("/sigmas", {"time"})) {
+      return look([](GroundQuery& ground) {
+        return Reply{200, "application/octet-stream", deflated(ground.sigma_map()), {}, true};
+      });
+    }
     if (asked.are_for("/soil.vdb", {"time"})) {
       return look([](GroundQuery& ground) {
         return file_reply("soil.vdb", "application/octet-stream",
@@ -408,7 +413,7 @@ void ServerState::answer(const std::string& text, const std::string& client,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
                  "/mesh.glb, /machines, /machines.csv, /measures, /measures.geojson, "
                  "/measures.csv, /progress, /report, /report.csv, /alarms, /undo, /height, "
-                 "/section, /volume, /terrain, /lines and /drape"));
+                 "/section, /volume, /sigmas, /terrain, /lines and /drape"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

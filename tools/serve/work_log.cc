@@ -24,7 +24,8 @@ double struck_m3(const Bucket& bucket) {
   return capacity ? capacity->struck_m3() : 0;
 }
 
-Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& work, bool works) {
+Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& work, bool works,
+                   const std::optional<Estimate>& lip_m) {
   const SiteMachine& machine = site.machines()[i];
   const Ledger& ledger = site.ledger(i);
   const std::optional<double> last_m3 = work.cycles.last_load_m3();
@@ -39,6 +40,7 @@ Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& w
       {"cut_m3", ledger.cut_m3()},
       {"cycles", work.cycles.cycles()},
       {"last_load_m3", last_m3 ? Json(*last_m3) : Json()},
+      {"lip_error_m", lip_m ? Json{{"mean", lip_m->mean}, {"sigma", lip_m->sigma}} : Json()},
       {"state", "unseen"}};
   const std::optional<MachineState> last = site.last(i);
   if (!last) return json;
@@ -182,8 +184,8 @@ void WorkLog::add(const io::JournalUpdate& update) {
   if (update.kind == Kind::kClock && of_machine) set_clock(update.machine);
   if (std::isfinite(update.begin_s)) note_time(update.begin_s);
   if (std::isfinite(update.end_s)) note_time(update.end_s);
-  if (update.kind == Kind::kSurvey && !Site::is_of_scans(io::unpack_survey(update.survey)))
-    note_survey();
+  if (update.kind == Kind::kSurvey)
+    Site::is_of_scans(io::unpack_survey(update.survey)) ? note_scan() : note_survey();
   if (!update.has_rows() || !of_machine) return;
   const io::MotionRows& rows = update.rows;
   Machine& work = machines_[update.machine];
@@ -210,9 +212,12 @@ bool WorkLog::works(std::size_t machine) const {
 
 Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>& works) {
   Json machines = Json::array();
+  const std::vector<Estimate> lips_m = site.lip_errors_m();
   for (std::size_t i = 0; i < works.size(); ++i)
     if (!site.is_retired(i))
-      machines.push_back(machine_state(site, i, log.machines()[i], works[i]));
+      machines.push_back(
+          machine_state(site, i, log.machines()[i], works[i],
+                        i < lips_m.size() ? std::optional(lips_m[i]) : std::nullopt));
   const Ledger total = site.total();
   const MassBalance balance = site.mass_balance_without_ground();
   const double sample_m3 = site.site().ground->sample_m3();
@@ -225,6 +230,7 @@ Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>
           {"cut_m3", total.cut_m3()},
           {"spilled_m3", total.spilled_m3()},
           {"fill_m3", static_cast<double>(balance.fill_samples) * sample_m3},
+          {"scanned_s", log.scanned_s() ? Json(*log.scanned_s()) : Json()},
           {"surveyed_m3", surveyed ? Json(static_cast<double>(added) * sample_m3) : Json()},
           {"change_m3", static_cast<double>(change) * sample_m3}};
 }

@@ -89,6 +89,10 @@ class WorkLog {
   void note_survey() { surveyed_s_ = time_s_; }
   /// The latest time at which it did.
   std::optional<double> surveyed_s() const { return surveyed_s_; }
+  /// A scan corrected the ground.
+  void note_scan() { scanned_s_ = time_s_; }
+  /// The site's time when one did last.
+  std::optional<double> scanned_s() const { return scanned_s_; }
   /// Did a machine move shortly before the latest time?
   bool works(std::size_t machine) const;
 
@@ -101,7 +105,7 @@ class WorkLog {
   /// Time from which updates must record what hoppers received; empty: there are no hoppers.
   std::optional<double> hauls_from_s_;
   std::vector<Machine> machines_;
-  std::optional<double> from_s_, time_s_, surveyed_s_;
+  std::optional<double> from_s_, time_s_, surveyed_s_, scanned_s_;
 };
 
 /// A site's repeated message to viewers: its machines' places, loads and work.

@@ -175,6 +175,8 @@ class Site {
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
   /// by scans. @param seen as of GroundSurvey::sigmas(). @throw as HeightMap::at()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
+  /// See GroundSurvey::seen_squares().
+  std::vector<Coord2> seen_squares() const;
   /// Sigma of the change of volume inside a boundary against the terrain, by the same. Ground that
   /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd
   /// rule

@@ -122,6 +122,8 @@ class GroundSurvey {
   /// @param seen unless empty: 1 where a scan or survey saw the ground as it is, else 0; NaN
   /// without
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
+  /// The lowest columns of squares of 8 x 8, in order: beyond them no column was seen.
+  std::vector<Coord2> seen_squares() const;
   /// Sigma of the change of volume inside a boundary, against the terrain.
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
 

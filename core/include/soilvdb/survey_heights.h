@@ -53,12 +53,14 @@ class SurveyedHeights {
   void add(const SurveyHeights& survey);
   /// Did a survey give a column this height? @param top index space
   bool are_of(const Coord2& column, double top) const;
+  static constexpr int kSide = 64;  ///< columns
+  /// The lowest columns of squares of kSide x kSide in which surveys gave heights.
+  std::vector<Coord2> squares() const;
   /// Adds them as bytes, and takes them from there. @throw std::invalid_argument for other bytes
   void save(std::string& out) const;
   static SurveyedHeights load(std::string_view& in);
 
  private:
-  static constexpr int kSide = 64;  // columns
   using Square = std::array<std::int32_t, std::size_t{kSide} * kSide>;
   static std::size_t number(const Coord2& column);
 

@@ -177,6 +177,8 @@ class Session {
   void begin_near(const Vec3& at_m);
   /// Sigmas of heights(), m; NaN without ground. @param seen as of GroundSurvey::sigmas()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
+  /// See GroundSurvey::seen_squares().
+  std::vector<Coord2> seen_squares() const;
 
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;
