@@ -7,6 +7,7 @@ import fs from 'node:fs';
 import http from 'node:http';
 import path from 'node:path';
 import test, {after, before} from 'node:test';
+import {along} from '../../tools/view/src/ramps.js';
 import * as pictures from './pictures.mjs';
 import * as site from './site.mjs';
 
@@ -586,6 +587,146 @@ looking('a phone has the totals of the site above its machines, and surveys besi
     `<Definition surfType="TIN"><Pnts>${points}</Pnts><Faces><F>1 2 3</F><F>1 3 4</F></Faces></Definition></Surface></Surfaces></LandXML>`);
   assert.ok(added > 1);
   await page.waitForFunction((net) => Number(document.querySelector('#panel .totals').textContent.match(/surveyed\+([0-9.]+)/)?.[1]) === net, Number((added - removed).toPrecision(3)));
+}, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
+
+/** Sends rays from above that ended at points on a grid, so far below the drawn ground; the answer. */
+const scan = (page, sensor, time, [x0, y0, x1, y1], below_m = 0) => page.evaluate(([head, box, below]) => new Promise((resolve) => {
+  const points = [], step = 0.03;
+  for (let x = box[0]; x <= box[2]; x += step) for (let y = box[1]; y <= box[3]; y += step) points.push(x, y, window.soilvdb.height(x, y) - below);
+  const words = new TextEncoder().encode(JSON.stringify(head)), message = new Uint8Array(4 + words.length + 8 * points.length), view = new DataView(message.buffer);
+  view.setUint32(0, words.length, true);
+  message.set(words, 4);
+  points.forEach((v, k) => view.setFloat64(4 + words.length + 8 * k, v, true));
+  const stream = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}scan?token=sesame`);
+  stream.onopen = () => stream.send(message);
+  stream.onmessage = ({data}) => {
+    stream.close();
+    resolve(JSON.parse(data));
+  };
+}), [{sensor, format: 'float64_xyz', frame: 'world', position: [(x0 + x1) / 2, (y0 + y1) / 2, 7], rotation: [1, 0, 0, 0], ...(time === null ? {} : {time})}, [x0, y0, x1, y1], below_m]);
+
+const seesSigmas = (page, what) => page.waitForFunction((seen) => window.soilvdb.sigmas().settled && (window.soilvdb.sigmas().seen > 0) === seen, what);
+
+/** A site whose soil stays where it is. */
+const quarry = () => {
+  fs.writeFileSync(path.join(work, 'quarry.yaml'), `soilvdb: 1
+voxel_size: 0.05
+terrain: {plane: {z: 2.0}}
+machines: [{name: digger, bucket: {width: 0.8, height: 0.6, profile: [[0, 0], [-0.5, 0], [-0.5, 0.6], [0, 0.6]]}}]
+`);
+  return [path.join(work, 'quarry.yaml'), '--out', path.join(work, `live${++runs}`), '--token', 'sesame'];
+};
+
+/** Digs a trench of 1 m with a level floor at a depth, and moves away. */
+const trench = (page, begin_s, y, depth_m) => feed(page, [[0, 0.5], ...Array.from({length: 21}, (_, i) => [i / 20, -depth_m]), [1, 4], [6, 4]].map(([x, z], i) => (
+  {machine: 'digger', time: begin_s + i / 10, position: [x, y, 2 + z], rotation: [0, 0, 0, 1]})));
+
+looking('the ground has the colours of what scans know of it, until it is dug, and the scans are told with the lips', quarry, async (page) => {
+  const asked = [];
+  page.on('request', (request) => { if (new URL(request.url()).pathname.endsWith('/sigmas')) asked.push(request.url()); });
+  const option = page.locator('[aria-label="Colour by"] option[value=sigma]'), words = (part) => page.locator(part).allTextContents();
+  await trench(page, 1.7e9, 0, 0.3);
+  await page.waitForFunction(() => window.soilvdb.height(0.6, 0.03) < 1.75);
+  assert.ok(await option.count() === 0 && await page.isHidden('#scans'), 'nobody scans');
+  const answer = await scan(page, 'mast', 1.7e9 + 1, [-1.5, 0.8, 1.5, 1.6]);
+  assert.ok(answer.rays.used > 900, JSON.stringify(answer));
+  await option.waitFor({state: 'attached'});
+  assert.deepEqual(asked, [], 'nobody looks');
+  for (const button of ['#work', '#above']) await page.click(button);
+  await page.selectOption('[aria-label="Colour by"]', 'sigma');
+  await seesSigmas(page, true);
+  await site.settled(page);
+  const sigma = (at) => page.evaluate(([x, y]) => window.soilvdb.sigma(x, y), at), seen = [0.63, 1.13], beside = [0.63, -1.23], floor = [0.6, 0.03];
+  const known_m = await sigma(seen);
+  assert.ok(known_m >= 0.003 && known_m < 0.0102, `${known_m} is better than the terrain`);
+  assert.equal(await sigma(beside), null);
+  assert.equal(await sigma(floor), null, 'it was not scanned');
+  // On level ground light multiplies colours alike, so the picture tells those of the scale.
+  const as = async (mode, at) => {
+    await page.selectOption('[aria-label="Colour by"]', mode);
+    await site.drawn(page);
+    return site.colorAt(page, at);
+  };
+  const [plain, shown, soil] = [await as('depth', seen), await as('sigma', seen), await as('sigma', beside)];
+  soil.forEach((v, c) => assert.ok(Math.abs(v - plain[c]) < 3, `ground that was not seen is plain: ${soil}, not ${plain}`));
+  const share = Math.log10(known_m / 0.003) / 2, wanted = along('sigma', share).map((v, c) => Math.min(255, (v / (255 * [0.79, 0.725, 0.63][c])) * plain[c]));
+  shown.forEach((v, c) => assert.ok(Math.abs(v - wanted[c]) < 6, `${known_m} m is ${shown}, not ${wanted}`));
+  await page.mouse.move(...await page.evaluate(([x, y]) => window.soilvdb.project([x, y, window.soilvdb.height(x, y)]), seen));
+  await page.waitForFunction((mm) => document.querySelector('#position').textContent.includes(`\u00b1 ${mm}\u2009mm`), (1000 * known_m).toFixed(0));
+  assert.deepEqual(await words('#legend .ticks span'), ['3', '10', '30', '100', '300']);
+  assert.ok((await words('#legend p, #legend .legend-names')).join().includes('mm') && await page.isVisible('text=Plain: not seen as it is now'));
+
+  // The lip of the machine that dug, by what was scanned of its trench, 2 cm below where it is said to be.
+  const told = await scan(page, 'of the trench', null, [0.3, -0.3, 0.8, 0.3], 0.02), [mean, sigma_m] = told.lip_error.digger;
+  await page.waitForFunction(() => window.soilvdb.sigma(0.6, 0.03) !== null);
+  await page.waitForFunction(() => document.querySelectorAll('#scans .scan').length === 3);
+  const rows = async () => (await words('#scans .scan')).map((row) => row.replace(/\u2009/g, ' '));
+  const lip = `digger${mean < 0 ? '\u2212' : '+'}${Math.abs(1000 * mean).toFixed(0)} \u00b1 ${(1000 * sigma_m).toFixed(0)} mm`;
+  await page.waitForFunction((text) => document.querySelector('#scans').textContent.replace(/\u2009/g, ' ').includes(text), lip);
+  assert.ok(mean > 0.002 && sigma_m < 0.0195, JSON.stringify(told));
+  const all = await rows(), clock = (s) => page.evaluate((t) => new Date(1000 * t).toLocaleTimeString(undefined, {timeStyle: 'medium'}), s);
+  assert.match(all[0], new RegExp(`^mast${await clock(1.7e9 + 1)} \u00b7 [0-9]+ s ago$`));
+  assert.match(all[1], new RegExp(`^of the trench${await clock(1.7e9 + 2.3)} \u00b7 [0-9]+ s ago$`));
+  const [, ago] = all[0].match(/([0-9]+) s ago/);
+  await page.waitForFunction((before) => Number(document.querySelector('#scans .scan').textContent.match(/([0-9]+)\u2009s ago/)[1]) > before, Number(ago));
+
+  await trench(page, 1.7e9 + 10, 1.2, 0.2);
+  await page.waitForFunction(() => window.soilvdb.sigma(0.63, 1.13) === null && window.soilvdb.sigma(-1.33, 1.13) !== null);
+
+  // At a time before the first scan nothing was seen.
+  await page.evaluate(() => {
+    const slider = document.querySelector('#time input');
+    slider.value = 0;
+    slider.dispatchEvent(new Event('change'));
+  });
+  await page.waitForFunction(() => window.soilvdb.view().id > 0 && document.querySelector('#connection-text').textContent === 'Past');
+  await seesSigmas(page, true);
+  assert.ok(asked.some((url) => new URL(url).searchParams.get('time') !== null));
+  assert.match((await rows())[0], /^Last/);
+  await page.keyboard.press('l');
+  await page.waitForFunction(() => document.querySelector('#connection-text').textContent === 'Live');
+  await seesSigmas(page, true);
+  await page.evaluate(() => { location.hash = ''; });
+  await page.click('#units summary');
+  await page.selectOption('#unit-list select', 'ft');
+  assert.deepEqual(await words('#legend .ticks span'), ['0.01', '0.03', '0.1', '0.3', '1']);
+  assert.match((await rows()).at(-1), / ft$/);
+}, {viewport: {width: 1100, height: 700}});
+
+looking('small screens have room for the sigmas and the scans', yard, async (page) => {
+  const long = 'depth camera on the mast beside the eastern gate of the pit';
+  await scoop(page, 1.7e9, 0, 0, 0.3, kNames[0]);
+  await scan(page, long, 1.7e9 + 1, [-0.5, 0.5, 1.5, 2]);
+  await page.waitForFunction(() => document.querySelector('#scans .scan'));
+  await page.evaluate(() => {
+    const select = document.querySelector('[aria-label="Colour by"]');
+    select.value = 'sigma';
+    select.dispatchEvent(new Event('change'));
+  });
+  await seesSigmas(page, true);
+  await page.tap('[data-tab=machines]');
+  for (const [width, height] of [[390, 844], [844, 390], [195, 422], [422, 195]]) {
+    await page.setViewportSize({width, height});
+    await site.drawn(page);
+    const wrong = await page.evaluate(() => {
+      const found = [], box = (e) => e.getBoundingClientRect(), panel = box(document.querySelector('#panel'));
+      if (document.documentElement.scrollWidth > innerWidth) found.push(`the page is ${document.documentElement.scrollWidth} wide`);
+      const ticks = [...document.querySelectorAll('#legend .ticks span')], legend = box(document.querySelector('#legend'));
+      ticks.forEach((tick, i) => {
+        if (i > 0 && box(ticks[i - 1]).right > box(tick).left) found.push(`${ticks[i - 1].textContent} covers ${tick.textContent}`);
+        if (box(tick).left < legend.left || box(tick).right > legend.right) found.push(`${tick.textContent} is cut`);
+      });
+      if (ticks.length !== 5) found.push(`${ticks.length} ticks`);
+      for (const row of document.querySelectorAll('#scans .scan')) {
+        const [name, value] = [row.querySelector('span'), row.querySelector('b')].map(box);
+        if (name.width < 40 || value.width < 40 || value.right > panel.right || name.left < panel.left) found.push(`${row.textContent} is cut`);
+        if (name.bottom > value.top + 2 && name.right > value.left) found.push(`${row.textContent} is covered`);
+      }
+      return found;
+    });
+    assert.deepEqual(wrong, [], `at ${width} x ${height}`);
+  }
+  assert.ok(await page.getByTitle(long).count() > 0, 'all of the name is to be had');
 }, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
 
 looking('a measure is shown where nothing covers its corners, and can be dragged there', yard, async (page) => {

@@ -15,7 +15,7 @@ const kIcons = {
 const kClick_px = 6, kClick_ms = 600;
 
 export class Controls {
-  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork, begun, done; keys: functions by key */
+  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork, begun, done; more: texts about a place; keys: functions by key */
   constructor(parts) {
     Object.assign(this, parts);
     this.buttons = Object.entries(kTools).map(([tool, {name, key}]) => {
@@ -184,6 +184,7 @@ export class Controls {
     this.overlay.cursor = p;
     const text = p ? ['E ', 'N ', 'height '].map((name, axis) => name + format.coordinate(this.#world(p)[axis])) : [];
     $('position').replaceChildren(...text.flatMap((part, axis) => [h('span', {}, axis < 2 ? part : `${part}\u2009${units.symbol('length')}`), ' ']));
+    if (p) $('position').append(...this.more(this.#world(p)).map((part) => h('span', {}, part)));
     if (this.measures.draft.length > 0 && !(p && before?.equals(p)) && p !== before) this.sceneView.changed();
   }
 

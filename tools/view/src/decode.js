@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Decodes a block of surface: a zlib stream of arrays, mostly of differences, with all low bytes of
-// an array before its high bytes.
+// an array before its high bytes. And sigmas of heights, which are plain numbers.
 
 /**
  * @typedef {Object} Block
@@ -81,3 +81,20 @@ export function decodeBlock(buffer) {
 }
 
 export const blockKey = (b) => `${b.bx},${b.by},${b.bz}`;
+
+const kSigmaHeadBytes = 32, kNotSeen = 65535, kSigmaUnit_m = 1e-4;
+
+/**
+ * @param {ArrayBuffer} buffer answer to /sigmas
+ * @return {{west: number, south: number, cell_m: number, nx: number, ny: number, sigmas_m: Float32Array}}
+ *     row by row from the south; negative: not seen
+ * @throws {Error} if its length is wrong
+ */
+export function decodeSigmas(buffer) {
+  if (buffer.byteLength < kSigmaHeadBytes) throw new Error(`sigmas of ${buffer.byteLength} bytes have no head`);
+  const head = new DataView(buffer), [west, south, cell_m] = [0, 8, 16].map((at) => head.getFloat64(at, true));
+  const nx = head.getUint32(24, true), ny = head.getUint32(28, true);
+  if (buffer.byteLength !== kSigmaHeadBytes + 2 * nx * ny) throw new Error(`sigmas of ${nx} x ${ny} cells have ${buffer.byteLength} bytes`);
+  const sigmas_m = Float32Array.from(new Uint16Array(buffer, kSigmaHeadBytes), (v) => (v === kNotSeen ? -1 : kSigmaUnit_m * v));
+  return {west, south, cell_m, nx, ny, sigmas_m};
+}

@@ -126,6 +126,19 @@ export const moment = (seconds) =>
 /** A duration of work. */
 export const hours = (h) => (h < 1 ? `${(60 * h).toFixed(0)}${kThin}min` : withUnit(h, 'h'));
 
+/** How long ago something was. */
+export function ago(seconds) {
+  const s = Math.max(0, seconds), [size, unit] = s < 59.5 ? [1, 's'] : s < 3570 ? [60, 'min'] : s < 84600 ? [3600, 'h'] : [86400, 'd'];
+  return `${(s / size).toFixed(0)}${kThin}${unit} ago`;
+}
+
+/** A signed length and its standard deviation, to the millimetre. */
+export function estimate(mean, sigma) {
+  const metric = units.unit('length') === 'm', text = (m) => (metric ? (1000 * m).toFixed(0) : units.shown('length', m).toFixed(3));
+  const size = text(Math.abs(mean)), sign = Number(size) === 0 ? '' : mean < 0 ? '\u2212' : '+';
+  return `${sign}${size} \u00b1 ${text(sigma)}${kThin}${metric ? 'mm' : units.symbol('length')}`;
+}
+
 /** 1, 2 or 5 times a power of ten of the chosen unit of length, at most, and at least, `about` metres. */
 export const stepDown = (about) => units.si('length', roundDown125(units.shown('length', about)));
 export const stepUp = (about) => units.si('length', roundUp125(units.shown('length', about)));

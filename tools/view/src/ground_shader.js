@@ -5,9 +5,11 @@
 
 const kColouring = /* glsl */ `
 uniform int mode;               // see ground_uniforms.js
-uniform sampler2D ramps, clod_light, drape;
+uniform sampler2D ramps, clod_light, drape, sigmas;
 uniform bool draped, compares;  // compares: changes are not since the survey
 uniform vec4 drape_box;         // west and north border in the scene, 1 / width, 1 / height
+uniform vec4 sigma_box;         // west and south border in the scene, 1 / width, 1 / height
+uniform float least_sigma_m;     // of the scale, which is logarithmic and goes to a hundred times that
 uniform float undug_m;          // smaller changes since the survey are errors of meshes
 uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure, pixel_ratio;
 uniform vec2 grid_from_m;       // coordinates of the scene's origin, less a multiple of the grid
@@ -20,7 +22,7 @@ const float kChangeSlope = 0.02, kLevelSlope = 0.0005;   // 1 mm and 0.025 mm in
 const vec3 kSection = vec3(0.50, 0.40, 0.31), kSectionDark = vec3(0.43, 0.335, 0.26);
 
 vec3 ramp(int row, float share) {
-  return texture2D(ramps, vec2((clamp(share, 0.0, 1.0) * 255.0 + 0.5) / 256.0, (float(row) + 0.5) / 5.0)).rgb;
+  return texture2D(ramps, vec2((clamp(share, 0.0, 1.0) * 255.0 + 0.5) / 256.0, (float(row) + 0.5) / 6.0)).rgb;
 }
 
 // The share of a pixel that lines at the multiples of a step cover; 0 where lines would merge.
@@ -88,6 +90,14 @@ vec3 ground_color(vec2 at, float change_m, bool surveyed, out bool photo) {
   return mix(color, vec3(1.0), border);
 }
 
+// The column's own sigma, where it was seen.
+vec3 sigma_color(vec2 at, vec3 soil) {
+  vec2 uv = (at - sigma_box.xy) * sigma_box.zw;
+  float sigma_m = texture2D(sigmas, uv).r;
+  if (any(lessThanEqual(uv, vec2(0.0))) || any(greaterThanEqual(uv, vec2(1.0))) || sigma_m < 0.0) return soil;
+  return ramp(5, 0.5 * log2(sigma_m / least_sigma_m) / log2(10.0));
+}
+
 // @param above_low_m height above low_m: the scene's heights are too large for exact differences
 // @param since_survey_m change since the survey, where that is known
 vec3 colored(vec3 at, float above_low_m, float change_m, bool known, float loose, vec3 normal, float since_survey_m, bool surveyed) {
@@ -101,6 +111,7 @@ vec3 colored(vec3 at, float above_low_m, float change_m, bool known, float loose
     color *= 1.0 - 0.3 * height_lines(at, above_low_m + contour_m * fract(low_m / contour_m), contour_m, kLevelSlope);
   }
   if (mode == 3) color = mix(soil, ramp(4, loose), step(0.02, loose));
+  if (mode == 5) color = sigma_color(at.xy, soil);
   return lit(clods(color, at, normal, loose), normal);
 }
 `;

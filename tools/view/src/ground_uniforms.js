@@ -9,7 +9,7 @@ import {clodTexels, kClodTexels, kRampRows, kRampWidth, rampTexels} from './ramp
 export const kNotKnown = -1e9;
 
 /** The colour modes; an index in this list is `mode` in the shaders. */
-export const kModes = ['change', 'depth', 'height', 'loose', 'design'];
+export const kModes = ['change', 'depth', 'height', 'loose', 'design', 'sigma'];
 
 function rampTexture() {
   const texture = new DataTexture(rampTexels(), kRampWidth, kRampRows.length, RGBAFormat);
@@ -44,6 +44,7 @@ export class GroundUniforms {
     most_m: {value: 1}, dead_m: {value: 0.02}, step_m: {value: 0.5},
     low_m: {value: 0}, high_m: {value: 1}, contour_m: {value: 1}, grid_m: {value: 10}, grid_from_m: {value: new Vector2()},
     drape: {value: null}, draped: {value: false}, drape_box: {value: new Vector4()}, compares: {value: false}, undug_m: {value: 0},
+    sigmas: {value: null}, sigma_box: {value: new Vector4()}, least_sigma_m: {value: 0.003},
     clod_m: {value: 0.1}, exposure: {value: 1}, pixel_ratio: {value: 1}, voxel_m: {value: 0.05},
     sun: {value: new Vector3(-0.48, 0.31, 0.82).normalize()},
     chunks: {value: null}, slot_mask: {value: 0}, probes: {value: 0},

@@ -1,14 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The legend: choice of colours, their scale, and the range around zero that counts as no change.
-import {h} from './dom.js';
+import {h, setText} from './dom.js';
 import * as format from './format.js';
 import {kModes} from './ground_uniforms.js';
 import {gradient} from './ramps.js';
 import * as units from './units.js';
 
+const kPlain = {design: 'Grey: there is no design', sigma: 'Plain: not seen as it is now'};
 const kNames = {
-  change: 'Cut and fill', depth: 'Depth of cut', height: 'Height', loose: 'Loose soil', design: 'Remaining to design',
+  change: 'Cut and fill', depth: 'Depth of cut', height: 'Height', loose: 'Loose soil', design: 'Remaining to design', sigma: 'Surveyed, with sigma',
 };
 
 export class Legend {
@@ -19,7 +20,7 @@ export class Legend {
    */
   constructor(element, site, uniforms, changed) {
     Object.assign(this, {uniforms: uniforms.values, changed});
-    this.modes = kModes.filter((mode) => (mode !== 'design' || site.design) && (mode !== 'loose' || site.soil));
+    this.modes = kModes.filter((mode) => mode !== 'sigma' && (mode !== 'design' || site.design) && (mode !== 'loose' || site.soil));
     this.select = h('select', {'aria-label': 'Colour by', onchange: () => this.#show()},
       ...this.modes.map((mode) => h('option', {value: mode}, kNames[mode])));
     this.least_m = Math.max(5, 5 * Math.round((400 * site.voxel_size_m) / 5)) / 1000;
@@ -44,7 +45,7 @@ export class Legend {
     this.bar = h('div', {class: 'legend-bar'});
     this.ticks = h('div', {class: 'ticks'});
     this.names = h('div', {class: 'legend-names'});
-    this.unknown = h('p', {class: 'faint'}, 'Grey: there is no design');
+    this.unknown = h('p', {class: 'faint'});
     this.bandLabel = h('label', {title: 'Changes smaller than this are shown as ground'}, 'Ignore below', this.band, this.bandText);
     this.patternLabel = h('label', {}, patterns, 'Stripes on cut, dots on fill');
     this.options = h('details', {}, h('summary', {}, 'Options'), this.bandLabel, this.patternLabel);
@@ -58,8 +59,16 @@ export class Legend {
     this.band.step = step;
     this.band.max = step * Math.ceil(most / step - 1e-6);
     this.band.value = units.shown('length', this.uniforms.dead_m.value);
+    this.uniforms.least_sigma_m.value = units.unit('length') === 'm' ? 0.003 : units.si('length', 0.01);
     this.originZ = undefined;   // fits again
     this.#show();
+  }
+
+  /** Offers what was surveyed: called once there is something. */
+  offerSigmas() {
+    if (this.modes.includes('sigma')) return;
+    this.modes.push('sigma');
+    this.select.append(h('option', {value: 'sigma'}, kNames.sigma));
   }
 
   /** Switches to the next colour mode. */
@@ -105,7 +114,7 @@ export class Legend {
     const signed = mode === 'change' || mode === 'design';
     this.bandLabel.hidden = !signed && mode !== 'depth';
     this.patternLabel.hidden = !signed;
-    this.options.classList.toggle('empty', mode === 'height' || mode === 'loose');
+    this.options.classList.toggle('empty', !signed && mode !== 'depth');
     const metric = units.unit('length') === 'm';
     this.bandText.textContent = metric ? `${Number((100 * dead).toFixed(1))}\u2009cm` : format.length(dead);
     const span = (ramp, direction, pattern) => h('span', {style: `background:${pattern ? `${pattern},` : ''}${gradient(ramp, direction)}`});
@@ -130,6 +139,11 @@ export class Legend {
       const low = u.low_m.value + (this.originZ ?? 0), high = u.high_m.value + (this.originZ ?? 0);
       for (const m of [0, 1]) ticks.push([m, format.height(low + m * (high - low), 1)]);
       this.#name(`a line every ${format.step(u.contour_m.value)}`, '');
+    } else if (mode === 'sigma') {
+      this.bar.replaceChildren(span('sigma', 'to right'));
+      const scale = metric ? 1000 : 1, first = scale * units.shown('length', u.least_sigma_m.value);
+      [1, 10 / 3, 10, 100 / 3, 100].forEach((times) => ticks.push([Math.log10(times) / 2, String(Number((first * times).toPrecision(1)))]));
+      this.#name('standard deviation', '', metric ? 'mm' : units.symbol('length'));
     } else {
       this.bar.replaceChildren(span('loose', 'to right'));
       for (const m of [0, 0.5, 1]) ticks.push([m, format.percent(m)]);
@@ -142,6 +156,7 @@ export class Legend {
 
   #name(left, right, unit = '') {
     this.names.replaceChildren(...[left, unit, right].map((text) => h('span', {}, text)));
-    this.unknown.hidden = this.mode !== 'design';
+    this.unknown.hidden = !kPlain[this.mode];
+    setText(this.unknown, kPlain[this.mode] ?? '');
   }
 }

@@ -19,7 +19,9 @@ import {Machines} from './machines.js';
 import {Overlay} from './overlay.js';
 import {MeasureCards} from './measure_cards.js';
 import {Measures} from './measures.js';
+import {showScans} from './scans.js';
 import {SceneView} from './scene_view.js';
+import {SigmaLayer} from './sigma_layer.js';
 import {hint, notice, openPanel, showAlarms, showConnection, showTotals, startDownloads, startPanels} from './surroundings.js';
 import {boxOf, boxesOver, freeBox} from './tag_place.js';
 import {Terrain} from './terrain.js';
@@ -65,7 +67,11 @@ class Page {
     this.machines = new Machines(site, this.origin, this.sceneView, $('tags'), pick);
     this.sceneView.scene.add(this.terrain.group, this.machines.group);
     this.table = new MachineTable($('machine-table'), site, pick);
-    this.legend = new Legend($('legend'), site, this.uniforms, changed);
+    this.sigmas = new SigmaLayer(this.origin, this.uniforms, changed, () => this.wantSigmas());
+    this.legend = new Legend($('legend'), site, this.uniforms, () => {
+      this.wantSigmas();
+      changed();
+    });
     this.drape = new Drape(site, this.origin, this.uniforms, changed);
     this.forces = new Forces(site, (force) => this.link.send({force}), (forces) => this.machines.showForces(forces));
     this.timeline = new Timeline($('time'), site.live, (time, against) => this.link.send({time, against}));
@@ -75,7 +81,7 @@ class Page {
     this.cards = new MeasureCards(this.measures, site.design, (m, d) => this.overlay.pointAt(m, d), (m) => this.goToMeasure(m));
     this.controls = new Controls({
       sceneView: this.sceneView, pick: this.pick, overlay: this.overlay, measures: this.measures, origin: this.origin,
-      fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), begun: () => openPanel(null), done: () => openPanel('measures'),
+      fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), begun: () => openPanel(null), done: () => openPanel('measures'), more: ([x, y]) => this.sigmaText(x, y),
       keys: {
         'c': () => this.legend.next(), 'k': () => this.forces.switch(!this.forces.on), 'o': () => this.drape.switch(!this.drape.on), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
         '[': () => this.timeline.step(-1), ']': () => this.timeline.step(1), '?': () => $('help').showModal(),
@@ -239,6 +245,20 @@ class Page {
     this.sceneView.changed();
   }
 
+  /** Asks for sigmas, if they are to be seen and may be others than those that came. */
+  wantSigmas() {
+    if (this.legend?.mode !== 'sigma' || !this.connected || document.hidden) return;
+    const {time} = this.shownTimes(), of = this.live ?? {};
+    this.sigmas.want(time, time === null ? JSON.stringify([of.cut_m3, of.change_m3, of.surveyed_m3, of.scanned_s, of.scans?.map(({count}) => count)]) : '');
+  }
+
+  /** What is told of the place under the pointer, besides its height. */
+  sigmaText(x, y) {
+    if (this.legend.mode !== 'sigma' || !this.sigmas.map) return [];
+    const sigma_m = this.sigmas.at(x, y);
+    return [sigma_m === null ? 'not seen' : `\u00b1 ${format.length(sigma_m)}`];
+  }
+
   setTimes(times) {
     if (times !== undefined) this.timeline.setTimes(times);
   }
@@ -253,6 +273,8 @@ class Page {
     const ground = JSON.stringify([state.cut_m3, state.change_m3, state.machines.map((m) => m.bucket_m3)]);
     if (ground !== this.ground && this.ground !== undefined && this.shownTimes().time === null) this.measures.groundChanged();
     this.ground = ground;
+    if ((state.surveyed_m3 ?? null) !== null) this.legend.offerSigmas();
+    this.wantSigmas();
   }
 
   /** Machines and totals of the shown time. */
@@ -264,6 +286,7 @@ class Page {
     this.machines.update(state, jump);
     this.table.update(state);
     showTotals(state);
+    showScans(state, this.site);
   }
 
   /** Whether the picture is still that of another time. */
@@ -291,6 +314,7 @@ class Page {
     this.comparing[view.against_s === null ? 'delete' : 'add'](view.id);
     if (view.state ?? this.live) this.showState(view.state ?? this.live, true);
     this.forces.wait(view.time_s !== null);
+    this.wantSigmas();
     this.sayConnection();
     this.measures.again();
     this.timeline.answered();

@@ -5,17 +5,19 @@
 
 const rgb = (hex) => [parseInt(hex.slice(1, 3), 16), parseInt(hex.slice(3, 5), 16), parseInt(hex.slice(5, 7), 16)];
 
-/** From least to most. Depth is plasma without its ends, height is cividis without its dark end. */
+/** From least to most. Depth is plasma without its ends, height is cividis without its dark end, and
+ * sigma like mako: pale is well known. */
 export const kRamps = {
   cut: ['#f9cc6b', '#f49a4c', '#d6583b', '#a61426', '#61001c'],
   fill: ['#bfdeed', '#80badb', '#3b85bd', '#1c5499', '#05265c'],
   depth: ['#fdc527', '#f89540', '#e56b5d', '#cc4778', '#a92395', '#7e03a8', '#4c02a1'],
   height: ['#3b496c', '#575d6d', '#707173', '#8a8678', '#a59c74', '#c3b369', '#e1cc55', '#fee838'],
+  sigma: ['#c8f0dc', '#78d6ae', '#38aaac', '#357ba3', '#413d7b', '#2e1e3c'],
   loose: ['#d8c8a8', '#c7a877', '#b0854f', '#96662f', '#7a4a1a'],
 };
 
 /** Rows of the texture, in this order. */
-export const kRampRows = ['cut', 'fill', 'depth', 'height', 'loose'];
+export const kRampRows = ['cut', 'fill', 'depth', 'height', 'loose', 'sigma'];
 export const kRampWidth = 256;
 
 /** @return {number[]} r, g, b from 0 to 255 */

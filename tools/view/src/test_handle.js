@@ -20,6 +20,10 @@ export function handle(page) {
     lines: () => (page.lines ? page.lines.geometry.getAttribute('position').count / 2 : 0),
     /** Whether a photo lies on the ground. */
     draped: () => page.uniforms.values.draped.value,
+    /** Whether the sigmas that are wanted are shown, the size of their cells, and how many were seen. */
+    sigmas: () => ({settled: page.sigmas.settled, cell_m: page.sigmas.map?.cell_m ?? null, seen: page.sigmas.map?.sigmas_m.reduce((n, s) => n + (s >= 0), 0) ?? 0}),
+    /** Sigma at a place of the world, m; null where it was not seen. */
+    sigma: (x, y) => page.sigmas.at(x, y),
     frames: () => page.sceneView.frames,
     memory: () => ({...page.sceneView.renderer.info.memory}),
     /** Window pixel of a place in the world, or null. */
