@@ -673,16 +673,24 @@ looking('the ground has the colours of what scans know of it, until it is dug, a
   await trench(page, 1.7e9 + 10, 1.2, 0.2);
   await page.waitForFunction(() => window.soilvdb.sigma(0.63, 1.13) === null && window.soilvdb.sigma(-1.33, 1.13) !== null);
 
-  // At a time before the first scan nothing was seen.
-  await page.evaluate(() => {
-    const slider = document.querySelector('#time input');
-    slider.value = 0;
-    slider.dispatchEvent(new Event('change'));
-  });
-  await page.waitForFunction(() => window.soilvdb.view().id > 0 && document.querySelector('#connection-text').textContent === 'Past');
+  // Other times: before the first scan, and after the last one.
+  const slide = async (share) => {
+    const before = await page.evaluate(() => window.soilvdb.view().id);
+    await page.locator('#time input').evaluate((slider, at) => {
+      slider.value = String(at * Number(slider.max));
+      slider.dispatchEvent(new Event('change'));
+    }, share);
+    await page.waitForFunction((id) => window.soilvdb.view().id !== id && document.querySelector('#connection-text').textContent === 'Past', before);
+  };
+  await slide(0);
+  await seesSigmas(page, false);
+  assert.ok(await page.isHidden('#scans') && asked.some((url) => new URL(url).searchParams.has('time')));
+  await slide(0.5);
   await seesSigmas(page, true);
-  assert.ok(asked.some((url) => new URL(url).searchParams.get('time') !== null));
-  assert.match((await rows())[0], /^Last/);
+  assert.ok(await sigma(seen) !== null, 'it was not dug then');
+  const ago_s = (await page.evaluate(() => window.soilvdb.time())) - 1.7e9 - 2.3;
+  assert.ok(ago_s > 1);
+  assert.deepEqual(await rows(), [`Last${await clock(1.7e9 + 2.3)} \u00b7 ${ago_s.toFixed(0)} s ago`, lip]);
   await page.keyboard.press('l');
   await page.waitForFunction(() => document.querySelector('#connection-text').textContent === 'Live');
   await seesSigmas(page, true);

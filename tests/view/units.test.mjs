@@ -7,7 +7,7 @@ import test from 'node:test';
 import zlib from 'node:zlib';
 import {alarmLines} from '../../tools/view/src/alarms.js';
 import {ChunkTable} from '../../tools/view/src/chunk_table.js';
-import {decodeBlock, inflate} from '../../tools/view/src/decode.js';
+import {decodeBlock, decodeSigmas, inflate} from '../../tools/view/src/decode.js';
 import {LargestForce, arrowScale, forceText, limitText} from '../../tools/view/src/force_values.js';
 import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
@@ -104,6 +104,22 @@ function lookUp(table, [x, y, z]) {
   }
   return false;
 }
+
+test('sigmas are read as the protocol has them, and what is too short or too long is refused', () => {
+  const message = (nx, ny, cells) => {
+    const bytes = Buffer.alloc(32 + 2 * cells.length);
+    [512000.25, -7.5, 0.1].forEach((v, i) => bytes.writeDoubleLE(v, 8 * i));
+    [nx, ny].forEach((v, i) => bytes.writeUInt32LE(v, 24 + 4 * i));
+    cells.forEach((v, i) => bytes.writeUInt16LE(v, 32 + 2 * i));
+    return exact(bytes);
+  };
+  const {west, south, cell_m, nx, ny, sigmas_m} = decodeSigmas(message(3, 2, [30, 65535, 65534, 0, 1, 3000]));
+  assert.deepEqual([west, south, cell_m, nx, ny], [512000.25, -7.5, 0.1, 3, 2]);
+  assert.ok(sigmas_m[1] < 0);
+  [0.003, null, 6.5534, 0, 0.0001, 0.3].forEach((wanted, i) => assert.ok(wanted === null || Math.abs(sigmas_m[i] - wanted) < 1e-6, `${sigmas_m[i]} is not ${wanted}`));
+  assert.equal(decodeSigmas(message(0, 0, [])).sigmas_m.length, 0);
+  for (const wrong of [message(3, 2, [1, 2, 3, 4, 5]), message(3, 2, [1, 2, 3, 4, 5, 6, 7]), exact(Buffer.alloc(30))]) assert.throws(() => decodeSigmas(wrong), /bytes/);
+});
 
 test('the table of chunks says of each chunk what was last said, by its map and by the numbers for the shader', () => {
   let seed = 12345;
@@ -393,6 +409,19 @@ test('times since 1970 are dates, smaller ones are durations', () => {
   const date = (s) => new Date(1000 * s).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'medium'});
   for (const s of [1.5e8, 0.99e9, 1.7e9]) assert.equal(format.time(s), date(s));
   assert.equal(format.time(0.9e8), '25000:00:00.0');
+});
+
+test('an age has one unit, and an estimate its sign and its sigma to the millimetre', (t) => {
+  t.after(() => units.choose({}));
+  const plain = (text) => text.replace(/\u2009/g, ' ');
+  for (const [s, words] of [[-3, '0 s ago'], [0.4, '0 s ago'], [59.4, '59 s ago'], [59.6, '1 min ago'], [3569, '59 min ago'], [3571, '1 h ago'], [84500, '23 h ago'], [86400, '1 d ago'], [864000, '10 d ago']]) {
+    assert.equal(plain(format.ago(s)), words);
+  }
+  for (const [mean, sigma, words] of [[0.0214, 0.0079, '+21 \u00b1 8 mm'], [-0.0214, 0.02, '\u221221 \u00b1 20 mm'], [0, 0.02, '0 \u00b1 20 mm'], [-0.0004, 0.0049, '0 \u00b1 5 mm']]) {
+    assert.equal(plain(format.estimate(mean, sigma)), words);
+  }
+  units.choose({length: 'ft'});
+  assert.equal(plain(format.estimate(-0.3048, 0.03048)), '\u22121.000 \u00b1 0.100 ft');
 });
 
 test('a force that is a bound has a sign and the reason', () => {

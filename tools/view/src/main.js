@@ -286,7 +286,7 @@ class Page {
     this.machines.update(state, jump);
     this.table.update(state);
     showTotals(state);
-    showScans(state, this.site);
+    showScans(state, this.site, this.shownTimes().time ?? state.time_s);
   }
 
   /** Whether the picture is still that of another time. */

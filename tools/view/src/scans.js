@@ -7,15 +7,15 @@ import {kMachineColors} from './machines.js';
 
 const row = (name, value, swatch = null) => h('div', {class: 'scan'}, swatch, h('span', {title: name}, name), h('b', {}, value));
 
-/** @param {Object} state from the server, live or of another time @param {Object} site */
-export function showScans(state, site) {
-  const {scans = [], scanned_s: last_s, time_s} = state, lips = state.machines.filter((m) => m.lip_error_m);
-  $('scans').hidden = scans.length === 0 && lips.length === 0;
+/** @param {Object} state from the server, live or of another time @param {Object} site @param {?number} time_s shown */
+export function showScans(state, site, time_s) {
+  const {scans = [], scanned_s: last_s} = state, lips = state.machines.filter((m) => m.lip_error_m);
   const line = (when_s, ago_s) => [when_s === null ? '' : format.timeBeside(when_s, time_s), format.ago(ago_s)].filter(Boolean).join(' \u00b7 ');
   const rows = scans.map((scan) => row(scan.sensor, line(scan.time_s, scan.heard_s_ago)));
   if (rows.length === 0 && (last_s ?? null) !== null) rows.push(row('Last', line(last_s, time_s - last_s)));
   const heights = lips.map(({name, lip_error_m: {mean, sigma}}) =>
     row(name, format.estimate(mean, sigma), h('i', {class: 'swatch', style: `background:${kMachineColors[site.machines.findIndex((m) => m.name === name) % kMachineColors.length]}`})));
+  $('scans').hidden = rows.length + heights.length === 0;
   const key = JSON.stringify([...rows, ...heights].map((r) => r.textContent));
   if ($('scans').dataset.key === key) return;
   $('scans').dataset.key = key;
