@@ -149,7 +149,7 @@ export class Legend {
       for (const m of [0, 0.5, 1]) ticks.push([m, format.percent(m)]);
       this.#name('bank', 'loose, as clods');
     }
-    const wide = mode === 'height' ? ' wide-ticks' : '';
+    const wide = mode === 'height' ? ' wide-ticks' : mode === 'sigma' ? ' many-ticks' : '';
     this.ticks.className = `ticks${wide}`;
     this.ticks.replaceChildren(...ticks.map(([at, text]) => h('span', {style: `left:${100 * at}%`}, text)));
   }
