@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import dataclasses
 import math
 import multiprocessing
 import os
@@ -26,6 +27,8 @@ from sensing_scenes import (CELL, COLUMN, COLUMNS, DEVELOPMENT_SEEDS, FIRST, HEL
 FRAMES = 10
 STEP = 0.1          # between neighbouring columns, m: a step
 NEAR = 3            # columns about a step or a slump
+MOVES = (0.01, 0.03), (0.002, 0.008)   # sigmas of a moving sensor's poses: m, rad
+AWAY = 5.0          # of it from the trench's middle, m
 RIGS = {"camera": camera, "lidar": lidar}
 KINDS = ("natural", "floor", "near", "heap")
 MAPS = ("fused", "kalman", "mean")
@@ -151,6 +154,51 @@ def draw(task):
             surveyed(soilvdb, scene, other, rig, (*noise_of, 2), (), frames, **noise)
             error = (columns(soilvdb, other) - truth)[kinds["trench"] & hit]
             out[f"{which}_m3"] = area * float(error.sum())
+    return out
+
+
+def moving(task):
+    """Figures of one scene about which a sensor moves, whose pose errs in each frame: with the poses
+    that are told, the true ones, and the told ones fitted."""
+    seed, name = task
+    import soilvdb
+
+    scene, rig = Scene(seed), RIGS[name](True)
+    rng = np.random.default_rng((seed, 7))
+    moves = rng.uniform(*MOVES[0]), rng.uniform(*MOVES[1])
+    dug = scene.predicted(soilvdb, PROFILE, rig)
+    frames, known = [], []
+    for k in range(FRAMES):
+        way = turned([0, 0, rng.uniform(-math.pi, math.pi)])
+        there = dataclasses.replace(rig, turn=way @ rig.turn, position=np.array(
+            [*scene.middle, rig.position[2]]) - way @ [AWAY, 0, 0])
+        shift, turn = (sigma * rng.standard_normal(3) for sigma in moves)
+        frames.append(Frames(scene, there, (seed, k), (shift, turn)))
+        known.append({"position": there.position + shift, "turn": turned(turn) @ there.turn})
+    truth, before = columns_of(scene.truth), columns(soilvdb, dug)
+    hit, kinds = np.any([f.hits() for f in frames], axis=0), kinds_of(scene, truth, before)
+    measured = [f.frame() for f in frames]
+    out = {"sensor": name}
+    for which in ("told", "known", "fitted"):
+        site = dug.clone()
+        for frame, ranges, pose in zip(frames, measured, known):
+            given = {"name": which, **(pose if which == "known" else {})}
+            dataclasses.replace(frame.rig, moves=moves if which == "fitted" else (0.0, 0.0),
+                                **given).scan(soilvdb, site, ranges)
+        survey = site.apply_scans()
+        after, sigma = columns(soilvdb, site), sigmas(site)
+        for kind in (*KINDS, "trench"):
+            mask = kinds[kind] & hit
+            error = (after - truth)[mask]
+            out[f"{kind}_columns"] = int(mask.sum())
+            out[f"{kind}_{which}_mm2"] = 1e6 * float(np.sum(error**2))
+            out[f"{kind}_{which}_nees"] = float(np.sum(np.square(error / sigma[mask])))
+            out[f"{kind}_{which}_m3"] = COLUMN**2 * float(error.sum())
+            out[f"{kind}_before_m3"] = COLUMN**2 * float((before - truth)[mask].sum())
+        out[f"seen_{which}_m3"] = COLUMN**2 * float((after - truth)[hit].sum())
+        out[f"sigma_{which}"] = survey.sigma_m3
+        lip, out[f"lip_sigma_{which}"] = lip_of(survey, "digger", 0)
+        out[f"lip_{which}"] = lip - scene.lip_error
     return out
 
 
@@ -318,6 +366,22 @@ def rows_of(draws, name):
     return rows
 
 
+def rows_of_moving(draws, name):
+    """Rows of one sensor that moves."""
+    d = [each for each in draws if each["sensor"] == name]
+    volume = {which: root(d, f"trench_{which}_m3") for which in ("told", "known", "fitted")}
+    nees = {(kind, which): sum(x[f"{kind}_{which}_nees"] for x in d)
+            / max(1, sum(x[f"{kind}_columns"] for x in d))
+            for kind in ("natural", "floor") for which in ("told", "fitted")}
+    return [(f"moving {name}: trench's volume, poses fitted over as told",
+             volume["fitted"] / volume["told"], "", "<= 0.5"),
+            (f"moving {name}: the same over true poses", volume["fitted"] / volume["known"], "",
+             "<= 1.1"),
+            (f"moving {name}: NEES, natural ground", nees["natural", "fitted"], "", "0.6 .. 1.2"),
+            (f"moving {name}: NEES, dug floor, poses as told", nees["floor", "told"], "", ""),
+            (f"moving {name}: the same, fitted", nees["floor", "fitted"], "", "")]
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true")
@@ -344,6 +408,7 @@ def main():
         taken, put = workers.map(block, [(True, quick), (False, quick)])
         checked = workers.submit(oracle, quick).result()
         draws = list(workers.map(draw, tasks))
+        moved_draws = list(workers.map(moving, [(seed, name) for seed in seeds[:count] for name in RIGS]))
         moved, bits = (sum(each) for each in zip(*own))
     options.out.mkdir(parents=True, exist_ok=True)
     with open(options.out / "draws.csv", "w", newline="", encoding="utf-8") as file:
@@ -357,7 +422,7 @@ def main():
              "0.95 .. 1.05"),
             ("the same with its gate", check_kalman(GATE), "", "")]
     for name in RIGS:
-        rows += rows_of(draws, name)
+        rows += rows_of(draws, name) + rows_of_moving(moved_draws, name)
     rows += [("noise-free scans of own ground: changed volume", moved, "m3", "<= 0"),
              ("the same: sites whose bits changed", bits, "", "<= 0"),
              ("a block of 1 m3 taken out, surveyed wrong by", 100 * taken[0], "%", "<= 0.5"),

@@ -181,6 +181,7 @@ class Rig:
     squared: float
     patch: int = 1
     intrinsics: tuple | None = None
+    moves: tuple = (0.0, 0.0)   # sigmas of each scan's pose: shift, m, and turn, rad
 
     def sigma(self, ranges):
         return self.constant + self.squared * ranges**2
@@ -190,7 +191,8 @@ class Rig:
             name=self.name, position=self.position, rotation=quaternion(self.turn),
             range_sigma=self.constant, range_squared_sigma=self.squared,
             mount_height_sigma=MOUNT_HEIGHT, mount_tilt_sigma=MOUNT_TILT,
-            mount_scale_sigma=MOUNT_SCALE)
+            mount_scale_sigma=MOUNT_SCALE, pose_shift_sigma=self.moves[0],
+            pose_turn_sigma=self.moves[1])
 
     def told(self, soilvdb, ranges):
         """What Site.scan() is given, by name, of ranges of all rays, NaN: none."""
@@ -328,9 +330,12 @@ class Scene:
 class Frames:
     """What a rig measures of a scene, frame by frame: ranges of its rays, NaN where there is none."""
 
-    def __init__(self, scene, rig, seed):
+    def __init__(self, scene, rig, seed, moved=None):
+        """moved: shift, m, and rotation vector by which the rig is off its place."""
         self.scene, self.rig, self.rng = scene, rig, np.random.default_rng(seed)
         self.eye, self.turn, self.scale = scene.pose(rig)
+        if moved is not None:
+            self.eye, self.turn = self.eye + moved[0], turned(moved[1]) @ self.turn
         self.ways = rig.rays.reshape(-1, 3) @ self.turn.T
         self.truth = cast(scene.truth, self.eye, self.ways)
         shape = rig.rays.shape[:2]

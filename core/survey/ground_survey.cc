@@ -192,8 +192,10 @@ std::optional<int> SurveyState::known(const Sensor& sensor) const {
   for (std::size_t n = 0; n < sensors.size(); ++n)
     if (sensors[n].name == sensor.name) {
       const auto sigmas = [](const Sensor& s) {
-        return std::array{s.range_sigma_m, s.range_squared_sigma_per_m, s.mount_height_sigma_m,
-                          s.mount_tilt_sigma_rad, s.mount_scale_sigma};
+        return std::array{s.range_sigma_m,        s.range_squared_sigma_per_m,
+                          s.mount_height_sigma_m, s.mount_tilt_sigma_rad,
+                          s.mount_scale_sigma,    s.pose_shift_sigma_m,
+                          s.pose_turn_sigma_rad};
       };
       if (sigmas(sensors[n]) == sigmas(sensor)) return static_cast<int>(n);
       throw std::invalid_argument("sensor '" + sensor.name +
@@ -253,11 +255,18 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
   if (points_m.empty()) around_m.extend(from.head<2>());
   state_->require_room(around_m, points_m);
   const bool is_known = state_->known(sensor).has_value();
-  const ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
+  ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.
   if (is_known && ends.count() == 0) return;
   state_->refresh(false);
-  state_->add_rays(sensor, state_->sensor_of(sensor), ends);
+  Sensor placed = sensor;
+  if (is_moving(sensor)) {
+    if (const std::optional<Pose> pose = state_->fit_pose(sensor, ends)) {
+      placed.pose = *pose;
+      placed.pose_shift_sigma_m = placed.pose_turn_sigma_rad = 0;  // rays need not allow for it
+    }
+  }
+  state_->add_rays(placed, state_->sensor_of(sensor), ends);
 }
 
 std::vector<SurveyChange> GroundSurvey::solve() {

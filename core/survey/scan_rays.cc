@@ -180,8 +180,8 @@ class Rays {
         squared_(static_cast<float>(sensor.range_squared_sigma_per_m)),
         number_(number),
         h_(static_cast<float>(state.voxel_m())),
-        mount_{static_cast<float>(sensor.mount_height_sigma_m * sensor.mount_height_sigma_m),
-               static_cast<float>(sensor.mount_tilt_sigma_rad * sensor.mount_tilt_sigma_rad),
+        mount_{static_cast<float>(height_sigma_m(sensor) * height_sigma_m(sensor)),
+               static_cast<float>(tilt_sigma_rad(sensor) * tilt_sigma_rad(sensor)),
                static_cast<float>(sensor.mount_scale_sigma * sensor.mount_scale_sigma)} {
     const Vec3 at = state.ground.index_from_world(from_);
     is_near_ = at.head<2>().cwiseAbs().maxCoeff() < 2 * kMaxIndex;

@@ -51,6 +51,8 @@ void Sensor::validate() const {
   require_sigma(mount_height_sigma_m, "mount_height_sigma", 0, kMostSensorSigma);
   require_sigma(mount_tilt_sigma_rad, "mount_tilt_sigma", 0, kMostSensorSigma);
   require_sigma(mount_scale_sigma, "mount_scale_sigma", 0, kMostSensorSigma);
+  require_sigma(pose_shift_sigma_m, "pose_shift_sigma", 0, kMostSensorSigma);
+  require_sigma(pose_turn_sigma_rad, "pose_turn_sigma", 0, kMostSensorSigma);
 }
 
 }  // namespace soilvdb::inline v0

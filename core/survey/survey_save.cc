@@ -13,7 +13,8 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 6;
+/// The second is of sensors of which some move.
+constexpr std::uint32_t kSurveyFormat = 6, kMovingFormat = 7;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -198,13 +199,15 @@ void put_block_state(std::string& out, const SurveyState::BlockState& state) {
 
 void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& tiles,
                 const std::set<Block>& blocks) {
-  put(out, kSurveyFormat, all);
+  const bool any_moves = std::any_of(s.sensors.begin(), s.sensors.end(), is_moving);
+  put(out, any_moves ? kMovingFormat : kSurveyFormat, all);
   put_number(out, s.sensors.size());
   for (const int number : s.by_name) {  // so that the order of their first scans does not show
     const Sensor& sensor = s.sensors[static_cast<std::size_t>(number)];
     put_text(out, sensor.name);
     put(out, sensor.pose, sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
         sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma);
+    if (any_moves) put(out, sensor.pose_shift_sigma_m, sensor.pose_turn_sigma_rad);
   }
   put_number(out, s.buckets.size());
   // Whose places are by the sensors' names.
@@ -280,7 +283,7 @@ void GroundSurvey::load(std::string_view& in) {
   std::uint32_t format = 0;
   bool all = false;
   take(in, format);
-  if (format != kSurveyFormat)
+  if (format != kSurveyFormat && format != kMovingFormat)
     throw std::invalid_argument("the state of the scans is of another version of soilvdb");
   take(in, all);
   if (all) {
@@ -297,6 +300,7 @@ void GroundSurvey::load(std::string_view& in) {
     sensor.name = take_text(in);
     take(in, sensor.pose, sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
          sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma);
+    if (format == kMovingFormat) take(in, sensor.pose_shift_sigma_m, sensor.pose_turn_sigma_rad);
     sensor.validate();
     numbers.push_back(s.sensor_of(sensor));
   }

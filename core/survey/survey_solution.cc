@@ -77,8 +77,8 @@ Eigen::VectorXd SurveyState::prior() const {
     variances[static_cast<Eigen::Index>(m)] = std::max(square(lip_sigmas_m[m]), kLeastScanVariance);
   for (std::size_t s = 0; s < sensors.size(); ++s) {
     const Sensor& sensor = sensors[s];
-    const double sigmas[] = {sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad,
-                             sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma};
+    const double height = height_sigma_m(sensor), tilt = tilt_sigma_rad(sensor);
+    const double sigmas[] = {height, tilt, tilt, sensor.mount_scale_sigma};
     for (int n = 0; n < kOfSensor; ++n)
       variances[place_of(s) + n] = std::max(square(sigmas[n]), kLeastScanVariance);
   }
@@ -99,6 +99,21 @@ double SurveyState::expected_variance(const SurveyTile& tile, std::size_t i) con
          (lip >= 0 ? square(lip_sigmas_m[static_cast<std::size_t>(lip)]) : 0);
 }
 
+double SurveyState::weight_of(const ScanSums& sums, const Sensor& sensor, const Vec2& slope) {
+  const bool stereo = sensor.range_squared_sigma_per_m > 0;
+  const double whole = static_cast<double>(sums.weight);
+  const double single = whole / (stereo ? kStereoPixels : 1);
+  double floor = square(stereo ? kStereoFloorM : kLidarFloorM);
+  if (is_moving(sensor)) {
+    const double arm2_m2 =
+        square(kScanLever_m / whole) *
+        (square(static_cast<double>(sums.sees[1])) + square(static_cast<double>(sums.sees[2])));
+    floor += slope.squaredNorm() *
+             (square(sensor.pose_shift_sigma_m) + square(sensor.pose_turn_sigma_rad) * arm2_m2);
+  }
+  return single / (1 + single * floor);
+}
+
 ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
                                         Eigen::Ref<Eigen::VectorXd> sees) const {
   sees.setZero();
@@ -111,11 +126,8 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
     if (sums == tile.sums.end() || sums->second[i].rays == 0) continue;
     const ScanSums& sum = sums->second[i];
     const auto s = static_cast<std::size_t>(number);
-    const bool stereo = sensors[s].range_squared_sigma_per_m > 0;
     const double whole = static_cast<double>(sum.weight);
-    const double single = whole / (stereo ? kStereoPixels : 1);
-    const double floor = square(stereo ? kStereoFloorM : kLidarFloorM);
-    const double weight = single / (1 + single * floor);
+    const double weight = weight_of(sum, sensors[s], tile.slopes[i]);
     all.weight += weight;
     all.residual += weight * kScanUnit_m * static_cast<double>(sum.residual) / whole;
     for (int n = 0; n < kOfSensor; ++n)
@@ -138,9 +150,9 @@ bool SurveyState::tells_of_errors(const SurveyTile& tile, std::size_t i,
 
 Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
   const int side = block_side(), n = static_cast<int>(i);
-  const auto part = [&](int at) { return at >= 0 ? at / side : -1 - (-1 - at) / side; };
-  return {tile.columns[i].origin, tile.columns[i].pass, part(tile.cell.x() + n / kChunkSide),
-          part(tile.cell.y() + n % kChunkSide)};
+  return {tile.columns[i].origin, tile.columns[i].pass,
+          square_of(tile.cell.x() + n / kChunkSide, side),
+          square_of(tile.cell.y() + n % kChunkSide, side)};
 }
 
 Eigen::Vector2d SurveyState::place_in(const Block& block, const SurveyTile& tile,

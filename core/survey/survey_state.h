@@ -29,6 +29,17 @@ inline constexpr double kScanUnitsPerM = 1e5, kScanLeversPerM = 1e3;
 /// Of a sensor: height, tilts, scale.
 inline constexpr int kOfSensor = 4;
 
+/// Sigmas of a sensor's height and tilts: of its mount, and of the poses of its scans.
+inline double height_sigma_m(const Sensor& sensor) {
+  return std::hypot(sensor.mount_height_sigma_m, sensor.pose_shift_sigma_m);
+}
+inline double tilt_sigma_rad(const Sensor& sensor) {
+  return std::hypot(sensor.mount_tilt_sigma_rad, sensor.pose_turn_sigma_rad);
+}
+inline bool is_moving(const Sensor& sensor) {
+  return sensor.pose_shift_sigma_m > 0 || sensor.pose_turn_sigma_rad > 0;
+}
+
 /// What is known, apart from the ground.
 struct SurveyRecord {
   using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
@@ -124,10 +135,18 @@ struct SurveyState : SurveyRecord {
                     std::span<const Pose* const> poses, std::span<const PlacedBoxes> links);
   void add_rays(const Sensor& sensor, int number, const ScanRays& ends);
 
+  // scan_pose.cc
+  /// The pose of a scan by the ground that nobody touched; none if it sees too little of that.
+  /// @param ends are turned with the pose
+  std::optional<Pose> fit_pose(const Sensor& sensor, ScanRays& ends);
+
   // survey_solution.cc
   /// Variance of a column's height before any scan, with its lip's, and with what its slope and
   /// its bend let rays err, m^2.
   double expected_variance(const SurveyTile& tile, std::size_t i) const;
+  /// Of what a scan's rays say of a column: what repeats does not average out.
+  /// @param slope of the ground, where the sensor's place counts
+  static double weight_of(const ScanSums& sums, const Sensor& sensor, const Vec2& slope);
   /// A column as one residual. @param sees a, of all sensors
   ColumnResidual residual_of(const SurveyTile& tile, std::size_t i,
                              Eigen::Ref<Eigen::VectorXd> sees) const;
@@ -173,6 +192,8 @@ struct SurveyState : SurveyRecord {
   std::optional<Heights> wall_at(const SurveyTile& tile, std::size_t i) const;
   std::vector<SurveyChange> solve();  // of news
 
+  /// The square of a side in which a column is, along an axis.
+  static int square_of(int at, int side) { return at >= 0 ? at / side : -1 - (-1 - at) / side; }
   int block_side() const {
     return std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
   }

@@ -103,6 +103,13 @@ SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& s
     if (mount.has("scale"))
       sensor.mount_scale_sigma = mount.number("scale", 0, kMostSensorSigma, "of range");
   }
+  if (map.has("pose")) {
+    const YamlMap pose = map.map("pose", {"shift", "turn"});
+    if (pose.has("shift"))
+      sensor.pose_shift_sigma_m = pose.number("shift", 0, kMostSensorSigma, "m");
+    if (pose.has("turn"))
+      sensor.pose_turn_sigma_rad = pose.number("turn", 0, kMostSensorSigma, "rad");
+  }
   try {
     sensor.validate();
   } catch (const std::invalid_argument& e) {
@@ -292,10 +299,10 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
   std::map<std::string, SensorInput>& sensors = result.sensors;
   if (scenario.has("sensors"))
     for (const std::string& name : scenario.keys("sensors"))
-      sensors[name] =
-          read_sensor(scenario.map("sensors", scenario.keys("sensors"))
-                          .map(name, {"at", "rotation", "machine", "link", "noise", "mount"}),
-                      name, result);
+      sensors[name] = read_sensor(
+          scenario.map("sensors", scenario.keys("sensors"))
+              .map(name, {"at", "rotation", "machine", "link", "noise", "mount", "pose"}),
+          name, result);
   if (!scenario.has("scans")) return;
   for (const YamlMap& map :
        scenario.maps("scans", "scan",

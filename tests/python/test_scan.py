@@ -129,6 +129,112 @@ def test_a_scan_of_own_ground_without_noise_changes_nothing(seed, soil):
     assert abs(mean) < 0.001 and 0 < sigma < 0.02
 
 
+MOVES = {"pose_shift_sigma": 0.02, "pose_turn_sigma": 0.005}
+
+
+def jolted(rng, shift=0.02, turn=0.005, angle=0.0):
+    """Where a camera beside the trench is told to stand, and where it stands: position, rotation."""
+    told = (-4 * math.cos(angle), -4 * math.sin(angle), 3.5), looking(0.75, angle)
+    half = rng.normal(0, turn / 2, 3)
+    return told, (told[0] + rng.normal(0, shift, 3),
+                  product((*half, math.sqrt(1 - half @ half)), told[1]))
+
+
+def test_a_moving_sensor_off_its_place_leaves_ground_that_nobody_touched():
+    changed = {"fixed": 0, "moving": 0}
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        told, there = jolted(rng, 0.03, 0.008)
+        for which, sigmas in (("fixed", {}), ("moving", {"pose_shift_sigma": 0.03,
+                                                         "pose_turn_sigma": 0.008})):
+            site = dig(seed)
+            before = site.height_map(origin=(-3, -2.5), shape=(51, 61), cell=VOXEL)
+            depth = soilvdb.depth_image(site, camera(*there), SHAPE, INTRINSICS)
+            for _ in range(6):
+                site.scan(camera(*told, **sigmas), depth=depth, intrinsics=INTRINSICS)
+            site.apply_scans()
+            after = site.height_map(origin=(-3, -2.5), shape=(51, 61), cell=VOXEL)
+            beside = np.abs(np.arange(51) * VOXEL - 2.5) > 1.5
+            changed[which] += int((after != before)[beside].sum())
+    assert changed["moving"] == 0 < changed["fixed"]
+
+
+def test_the_order_of_scans_of_a_moving_sensor_does_not_show():
+    true, rng = dig(2), np.random.default_rng(2)
+    scans = []
+    for k in range(4):
+        told, there = jolted(rng)
+        depth = soilvdb.depth_image(true, camera(*there), SHAPE, INTRINSICS, seed=k)
+        scans.append((camera(*told, **MOVES), points_of(depth)))
+    saved, fixed = set(), dig(2, 0.02)
+    for _ in range(3):
+        site = dig(2, 0.02)
+        applied(site, [(sensor, rng.permutation(points))
+                       for sensor, points in (scans[k] for k in rng.permutation(len(scans)))])
+        saved.add(site.save())
+    applied(fixed, [(camera(), points) for _, points in scans])
+    assert len(saved) == 1 and fixed.ground_hash() != site.ground_hash()
+
+
+@pytest.mark.parametrize(("height", "is_fitted"), [(1.3, False), (3.5, True)])
+def test_untouched_ground_tells_a_moving_sensors_mount_once(height, is_fitted):
+    """Its sigmas are those of a fixed sensor with a looser mount, whether poses are fitted or not."""
+    looser = {"mount_height_sigma": math.hypot(0.01, 0.02), "mount_tilt_sigma": math.hypot(0.002, 0.005)}
+    down, found = ((0.0, 0.0, height), (1, 0, 0, 0)), []
+    for sigmas in (MOVES, looser, {}):
+        site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+        depth = soilvdb.depth_image(site, camera(*down), SHAPE, INTRINSICS)
+        for _ in range(3):
+            site.scan(camera(*down, **sigmas), depth=depth, intrinsics=INTRINSICS)
+        assert site.apply_scans().rays["used"] == 3 * depth.size
+        found.append(site.heights([(0.0, 0.0), (0.5, -0.2)], sigma=True)[1])
+    if not is_fitted:
+        np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-3)
+    assert (found[2] < 0.99 * found[0]).all()
+
+
+def test_where_ground_slopes_the_place_of_a_moving_sensor_counts():
+    sigmas = []
+    for slope in (0.0, 0.5):
+        site = soilvdb.Site(VOXEL, soilvdb.plane(0.0, (slope, 0)), [soilvdb.Bucket(1, 1)])
+        for name, moves in (("fixed", {}), ("shifts", {"pose_shift_sigma": 0.05}),
+                            ("turns", {"pose_turn_sigma": 0.05})):
+            seen = site.clone()
+            there = camera((-3, 0, 3), name=name, **moves)
+            for _ in range(20):
+                seen.scan(there, depth=soilvdb.depth_image(seen, there, SHAPE, INTRINSICS),
+                          intrinsics=INTRINSICS)
+            seen.apply_scans()
+            sigmas.append(seen.heights([(0.0, 0.0), (1.0, 0.5)], sigma=True)[1])
+    fixed, shifts, turns, fixed_up, shifts_up, turns_up = sigmas
+    assert (shifts_up / fixed_up > 1.03 * shifts / fixed).all()
+    assert (turns_up / fixed_up > 1.03 * turns / fixed).all()
+
+
+def test_fitted_poses_are_nearly_as_good_as_known_ones():
+    around = [(-2.2, -1.4), (2.2, -1.4), (2.2, 1.4), (-2.2, 1.4)]
+    errors = {"told": [], "known": [], "fitted": []}
+    for seed in range(8):
+        rng = np.random.default_rng(100 + seed)
+        shift, turn = rng.uniform(0.01, 0.03), rng.uniform(0.002, 0.008)
+        believed, true = dig(seed, 0.02 * rng.normal()), dig(seed)
+        poses = [jolted(rng, shift, turn, angle) for angle in rng.uniform(0, 2 * math.pi, 3)]
+        images = [points_of(soilvdb.depth_image(true, camera(*there), SHAPE, INTRINSICS, seed=k))
+                  for k, (_, there) in enumerate(poses)]
+        exact = true.volume(around).net_m3
+        for which, sigmas in (("told", {}), ("known", {}), ("fitted", {
+                "pose_shift_sigma": shift, "pose_turn_sigma": turn})):
+            site = believed.clone()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")   # of rays that miss the ground
+                applied(site, [(camera(*(there if which == "known" else told), **sigmas), points)
+                               for (told, there), points in zip(poses, images)])
+            errors[which].append(site.volume(around).net_m3 - exact)
+    told, known, fitted = (math.sqrt(np.mean(np.square(e))) for e in errors.values())
+    assert fitted < 0.7 * told and fitted < 1.25 * known, (told, known, fitted)
+
+
 def test_the_ledger_closes_with_what_was_surveyed(scene):
     site, scans = scene.believed(), scene.scans
     ledger, volume, was = site.ledger(), site.volume(AROUND), site.change_m3()
@@ -353,7 +459,8 @@ NAN = float("nan")
     {"position": (0, 0, NAN)}, {"position": (0, 0)}, {"rotation": (0, 0, 0, 0)},
     {"rotation": (0, NAN, 0, 1)}, {"rotation": (0, 0, 1)}, {"range_sigma": -0.01}, {"range_sigma": NAN},
     {"range_squared_sigma": -1e-3}, {"mount_height_sigma": -0.01}, {"mount_tilt_sigma": -1},
-    {"mount_scale_sigma": NAN}])
+    {"mount_scale_sigma": NAN}, {"pose_shift_sigma": -0.01}, {"pose_turn_sigma": NAN},
+    {"pose_turn_sigma": 11}])
 def test_wrong_sensors_are_refused(wrong):
     site = dig(8)
     state = site.save()
@@ -389,6 +496,8 @@ def test_points_in_the_world_need_the_sensors_position():
         for sensor in (placed, pickle.loads(pickle.dumps(placed))):
             site.scan(sensor, np.ones((4, 3)), world=True)
     site.scan(unplaced, np.ones((4, 3)))
+    moving = pickle.loads(pickle.dumps(soilvdb.Sensor(pose_shift_sigma=0.02, pose_turn_sigma=0.005)))
+    assert (moving.pose_shift_sigma, moving.pose_turn_sigma) == (0.02, 0.005)
 
 
 def test_simulated_images_have_the_sensors_noise():

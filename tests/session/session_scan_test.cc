@@ -100,6 +100,25 @@ TEST_P(SessionScans, ThatAreEmptyAreRecordedIfTheirSensorIsNew) {
   });
 }
 
+TEST_P(SessionScans, OfAMovingSensorGoOnFromWhereTheyWereRecorded) {
+  expect_same_if_stopped(site(), 2, [](Session& session, int round) {
+    for (const double at : {0.0, 0.2}) {
+      feed(session, part(states(), 0.5 * round + at, 0.5 * round + at + 0.2));
+      Sensor sensor = above(-1 + 5 * at);
+      sensor.pose_shift_sigma_m = 0.02;
+      sensor.pose_turn_sigma_rad = 0.005;
+      Sensor there = sensor;
+      there.pose.position += Vec3(0.01, -0.02, 0.015);
+      std::vector<Vec3> points = seen(session, 0, static_cast<std::uint64_t>(round), there);
+      for (Vec3& point : points) point -= there.pose.position - sensor.pose.position;
+      ASSERT_TRUE(session.scan(sensor, points).ok());
+      Survey survey;
+      ASSERT_TRUE(session.apply_scans(survey).ok());
+      EXPECT_GT(survey.rays.used, 0);
+    }
+  });
+}
+
 // A snapshot may have scans in it that a correction after it has used.
 TEST_P(SessionScans, GoOnFromSnapshotsBetweenScansAndTheirCorrection) {
   expect_same_if_stopped(site(), 1, [](Session& session, int) {

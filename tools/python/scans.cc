@@ -27,7 +27,8 @@ struct Sensor : soilvdb::Sensor {
 Sensor sensor_of(const py::object& position, const py::object& rotation, const py::object& matrix,
                  const std::string& name, std::optional<double> range_sigma,
                  std::optional<double> range_squared_sigma, double height_sigma, double tilt_sigma,
-                 double scale_sigma, const std::optional<std::string>& noise) {
+                 double scale_sigma, const std::optional<std::string>& noise, double shift_sigma,
+                 double turn_sigma) {
   Sensor sensor;
   sensor.name = name;
   sensor.has_place = !position.is_none() || !matrix.is_none();
@@ -42,6 +43,8 @@ Sensor sensor_of(const py::object& position, const py::object& rotation, const p
   sensor.mount_height_sigma_m = height_sigma;
   sensor.mount_tilt_sigma_rad = tilt_sigma;
   sensor.mount_scale_sigma = scale_sigma;
+  sensor.pose_shift_sigma_m = shift_sigma;
+  sensor.pose_turn_sigma_rad = turn_sigma;
   sensor.validate();
   return sensor;
 }
@@ -200,6 +203,8 @@ void bind_sensor(py::module_& m) {
           py::arg("mount_height_sigma") = Sensor{}.mount_height_sigma_m,
           py::arg("mount_tilt_sigma") = Sensor{}.mount_tilt_sigma_rad,
           py::arg("mount_scale_sigma") = Sensor{}.mount_scale_sigma, py::arg("noise") = none,
+          py::arg("pose_shift_sigma") = Sensor{}.pose_shift_sigma_m,
+          py::arg("pose_turn_sigma") = Sensor{}.pose_turn_sigma_rad,
           "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
           "Without them points are in the world's axes from (0, 0, 0). Scans with world=True need "
           "the "
@@ -210,7 +215,11 @@ void bind_sensor(py::module_& m) {
           "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
           "second, range_squared_sigma = subpixel / (f * baseline). Or noise, that of a known "
           "sensor: 'ouster_os1', 'realsense_d435', 'realsense_d455'. Of the mount: height, m; tilt "
-          "about each horizontal axis, rad; scale of ranges. Raises ValueError for negative "
+          "about each horizontal axis, rad; scale of ranges. Of a sensor that moves also those of "
+          "each scan's pose: pose_shift_sigma along each axis, m, and pose_turn_sigma about each, "
+          "rad; 0 by default, for a fixed mount. The pose of each scan is then fitted to ground "
+          "that nobody touched, if the scan sees 20 squares of 1 m of it. Raises ValueError for "
+          "negative "
           "sigmas, and without any noise of the range.")
       .def_readonly("name", &Sensor::name)
       .def_property_readonly(
@@ -224,6 +233,8 @@ void bind_sensor(py::module_& m) {
       .def_readonly("mount_height_sigma", &Sensor::mount_height_sigma_m, "m")
       .def_readonly("mount_tilt_sigma", &Sensor::mount_tilt_sigma_rad, "rad")
       .def_readonly("mount_scale_sigma", &Sensor::mount_scale_sigma, "share of range")
+      .def_readonly("pose_shift_sigma", &Sensor::pose_shift_sigma_m, "m")
+      .def_readonly("pose_turn_sigma", &Sensor::pose_turn_sigma_rad, "rad")
       .def(py::pickle(
           [](const Sensor& s) {
             const Vec3& p = s.pose.position;
@@ -235,12 +246,13 @@ void bind_sensor(py::module_& m) {
                                   if_placed(py::make_tuple(q.x(), q.y(), q.z(), q.w())),
                                   s.range_sigma_m, s.range_squared_sigma_per_m,
                                   s.mount_height_sigma_m, s.mount_tilt_sigma_rad,
-                                  s.mount_scale_sigma);
+                                  s.mount_scale_sigma, s.pose_shift_sigma_m, s.pose_turn_sigma_rad);
           },
           [](const py::tuple& t) {
             return sensor_of(t[1], t[2], py::none(), t[0].cast<std::string>(), t[3].cast<double>(),
                              t[4].cast<double>(), t[5].cast<double>(), t[6].cast<double>(),
-                             t[7].cast<double>(), std::nullopt);
+                             t[7].cast<double>(), std::nullopt, t[8].cast<double>(),
+                             t[9].cast<double>());
           }))
       .def("__repr__", [](const Sensor& s) {
         const Vec3& p = s.pose.position;

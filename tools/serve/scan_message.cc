@@ -86,6 +86,18 @@ ScanHead::Mount mount_in(const Line& json) {
   return mount;
 }
 
+ScanHead::PoseSigmas pose_sigmas_in(const Line& json) {
+  if (!json.is_object())
+    throw std::invalid_argument(
+        "'pose' must be {\"shift\": m, \"turn\": rad}, standard deviations; the pose itself is "
+        "'position' and 'rotation'");
+  require_keys(json, {"shift", "turn"});
+  ScanHead::PoseSigmas sigmas;
+  if (json.contains("shift")) sigmas.shift_m = sigma_in(json["shift"], "shift");
+  if (json.contains("turn")) sigmas.turn_rad = sigma_in(json["turn"], "turn");
+  return sigmas;
+}
+
 ScanHead::Format format_in(const Line& json) {
   if (!json.contains("format") || !json["format"].is_string())
     throw std::invalid_argument(
@@ -227,7 +239,7 @@ ScanHead::ScanHead(std::string_view message) {
   try {
     const Line json = object_of(header);
     require_keys(json, {"sensor", "time", "format", "frame", "shape", "intrinsics", "type",
-                        "position", "rotation", "noise", "mount"});
+                        "position", "rotation", "noise", "mount", "pose"});
     if (json.contains("sensor")) sensor = text_in(json, "sensor");
     if (json.contains("time") && !json["time"].is_null()) time_s = line_time(json["time"]);
     format = format_in(json);
@@ -247,6 +259,7 @@ ScanHead::ScanHead(std::string_view message) {
     if (json.contains("position")) pose = line_pose(json["position"], json["rotation"]);
     if (json.contains("noise")) noise = noise_in(json["noise"]);
     if (json.contains("mount")) mount = mount_in(json["mount"]);
+    if (json.contains("pose")) pose_sigmas = pose_sigmas_in(json["pose"]);
   } catch (const std::invalid_argument& e) {
     const std::string why = e.what();
     throw std::invalid_argument(why.starts_with("header: ") ? why : "header: " + why);

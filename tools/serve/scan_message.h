@@ -42,7 +42,11 @@ struct ScanHead {
     std::optional<double> height_m = {}, tilt_rad = {}, scale = {};
   };
   Mount mount = {};
-  std::size_t points_at = 0;  ///< offset of the points
+  struct PoseSigmas {
+    std::optional<double> shift_m = {}, turn_rad = {};
+  };
+  PoseSigmas pose_sigmas = {};  ///< of each scan
+  std::size_t points_at = 0;    ///< offset of the points
 };
 
 /// Where the rays of a message ended, world. Needs no site.

@@ -27,6 +27,9 @@ struct Sensor {
   double mount_height_sigma_m = 0.01;
   double mount_tilt_sigma_rad = 0.002;  ///< about each horizontal axis
   double mount_scale_sigma = 0.002;     ///< of range
+  /// Of each scan's pose, along each axis and about it, of a sensor that moves. Its pose is fitted
+  /// to ground that nobody touched, if the scan sees enough of it. 0: a fixed mount.
+  double pose_shift_sigma_m = 0, pose_turn_sigma_rad = 0;
 
   /// @throw std::invalid_argument with the field, its value and the allowed values
   void validate() const;
@@ -87,7 +90,8 @@ struct SurveyState;  // core/survey/survey_state.h
 /// and those that the common errors move. See tools/guide/sensing.md.
 ///
 /// Sums are integers: the result is the same for any order of scans and any split of a scan between
-/// two changes of the ground.
+/// two changes of the ground. Of a sensor that moves, each call of scan() has a pose of its own, so
+/// parts of a scan are other scans.
 class GroundSurvey {
  public:
   /// @param ground must outlive it @param buckets of the machines

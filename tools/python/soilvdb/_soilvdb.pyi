@@ -353,6 +353,8 @@ class Sensor:
         mount_tilt_sigma: float = ...,
         mount_scale_sigma: float = ...,
         noise: str | None = ...,
+        pose_shift_sigma: float = ...,
+        pose_turn_sigma: float = ...,
     ) -> None: ...
     @property
     def name(self) -> str: ...
@@ -370,6 +372,10 @@ class Sensor:
     def mount_tilt_sigma(self) -> float: ...
     @property
     def mount_scale_sigma(self) -> float: ...
+    @property
+    def pose_shift_sigma(self) -> float: ...
+    @property
+    def pose_turn_sigma(self) -> float: ...
 
 class Survey:
     @property
