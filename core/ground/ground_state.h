@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The state of a Ground: the tree, and notes on its chunks. Only Ground and GroundWriter use it.
+// The state of a Ground: the tree, and notes on its chunks. For core/ground alone.
 #pragma once
 
 #include <atomic>

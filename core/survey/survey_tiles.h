@@ -117,7 +117,7 @@ struct BlockSums {
 
   BlockResidual told;
   double columns = 0;         ///< that scans saw
-  Eigen::VectorXd on;         ///< how their corrections depend on the common errors: sum
+  Eigen::VectorXd on;         ///< sum of their corrections' dependences on the common errors
   double alike = 0;           ///< and on what errs alike in the block
   double off_m3 = 0;          ///< error of their volume, were there no common errors
   Eigen::VectorXd volume_on;  ///< how that depends on the common errors, m^2

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The ground: a initial terrain plus voxels where the ground changed.
+// The ground: an initial terrain plus voxels where the ground changed.
 #pragma once
 
 #include <cstdint>
