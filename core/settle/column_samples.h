@@ -4,8 +4,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 
+#include "core/lattice/cell_counts.h"
 #include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
@@ -19,19 +21,26 @@ struct ColumnEdit {
   float a, b;  ///< a cone's apex from the column's corner, cells; or a plane's slopes
 };
 
+/// Receives what changed in a chunk, by cells.
+using ChunkCounts =
+    std::function<void(const Coord3& origin, const CellCounts& bank, const CellCounts& loose)>;
+
 /// Adds loose samples to columns: the lowest air below a surface of the column's shape. Heights are
 /// thus as requested to a sample, also if bank stands in a part of a column.
 /// @param slope of cones
 /// @return number of samples added, fewer only if the columns' cells have no more room
-std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope);
+std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope,
+                       const ChunkCounts& added = {});
 /// The same with bank soil, where soil is rigid.
-std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope);
+std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope,
+                      const ChunkCounts& added = {});
 
 /// Removed soil, samples.
 struct Taken {
   std::int64_t bank = 0, loose = 0;
 };
 /// Removes samples, the highest above surfaces first: loose soil or, with `bank`, any soil.
-Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank);
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank,
+                 const ChunkCounts& removed = {});
 
 }  // namespace soilvdb::inline v0

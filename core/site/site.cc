@@ -505,6 +505,37 @@ double Site::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   return (survey_ ? *survey_ : *none_yet).volume_sigma_m3(boundary);
 }
 
+Estimate Site::cut_m3(std::size_t machine) {
+  require(machine);
+  const auto none_yet = survey_ ? nullptr : new_survey();
+  const std::vector<Estimate> errors = (survey_ ? *survey_ : *none_yet).cut_errors_m3();
+  if (errors.back().sigma > 0)
+    throw std::invalid_argument(
+        "it is not known which machine dug what before the first scan; make an empty scan before "
+        "several machines dig");
+  const Estimate& error = errors[machine];
+  return {tracker_->ledger(machine).cut_m3() + error.mean, error.sigma};
+}
+
+Heap Site::heap(const std::vector<Vec2>& boundary) {
+  const std::optional<SoilProperties>& soil = model_->earthmoving.soil;
+  if (!soil)
+    throw std::invalid_argument("soil is rigid here and makes no heaps; give the site a soil");
+  if (!survey_) throw std::invalid_argument("nothing was scanned yet; scan the heap first");
+  const SurveyedSamples* samples = tracker_->surveyed_samples();
+  if (samples == nullptr)
+    throw std::invalid_argument(
+        "this site was saved by a version that did not keep where scans changed the ground");
+  // Soil of any machine may be in the heap: its volume errs as that of all cuts does.
+  const MassBalance balance = tracker_->mass_balance_without_ground();
+  double error_m3 = 0, moved_m3 = tracker_->total().cut_m3();
+  moved_m3 += static_cast<double>(balance.poured) / static_cast<double>(balance.units.bank) *
+              ground_->sample_m3();
+  for (const Estimate& error : survey_->cut_errors_m3())
+    error_m3 += std::hypot(error.mean, error.sigma);
+  return survey_->heap(boundary, *samples, soil->swell, moved_m3 > 0 ? error_m3 / moved_m3 : 0);
+}
+
 void Site::pour_until(double until_s) {
   if (!next_pour_s_ || until_s >= *next_pour_s_) {
     std::vector<double> times_s;

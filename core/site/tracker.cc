@@ -12,6 +12,7 @@
 #include "core/lattice/bytes.h"
 #include "core/site/machine.h"
 #include "core/site/timed.h"
+#include "core/survey/surveyed_samples.h"
 #include "soilvdb/pour_parts.h"
 
 namespace soilvdb::inline v0 {
@@ -63,6 +64,7 @@ Tracker::Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthm
     settlers_.push_back(std::move(pourer));
   }
   poured_unrest_ = std::make_unique<TileSet>();
+  surveyed_samples_ = std::make_shared<SurveyedSamples>();
   for (const Pour& pour : earthmoving_.pours) {
     const double mass =
         pour.volume_m3 / ground.sample_m3() * static_cast<double>(settlers_.back()->units().loose);
@@ -84,6 +86,7 @@ Tracker::Tracker(Ground& clone, const Tracker& other)
       earthmoving_(other.earthmoving_),
       poured_parts_(other.poured_parts_),
       surveyed_(other.surveyed_),
+      surveyed_samples_(other.surveyed_samples_),
       poured_unrest_(std::make_unique<TileSet>(*other.poured_unrest_)) {
   const Ground& ground = other.ground_;
   if (clone.shared_terrain() != ground.shared_terrain() || clone.origin() != ground.origin() ||
@@ -319,6 +322,7 @@ std::string Tracker::state() const {
     for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   }
   put(bytes, surveyed_.removed, surveyed_.added, surveyed_.mass);
+  if (surveyed_.removed > 0 || surveyed_.added > 0) surveyed_samples_->save(bytes);
   return bytes;
 }
 
@@ -348,12 +352,15 @@ void Tracker::restore(std::string_view state, std::size_t count) {
   take_amount(state, surveyed.removed);
   take_amount(state, surveyed.added);
   take(state, surveyed.mass);
+  SurveyedSamples samples;  // earlier versions did not keep them
+  if (!state.empty()) samples = SurveyedSamples::load(state);
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   for (std::size_t m = 0; m < count; ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);
   for (std::size_t i = 0; i < settlers_.size(); ++i) settlers_[i]->restore(totals[i]);
   *poured_unrest_ = unrest;
   surveyed_ = surveyed;
+  surveyed_samples_ = std::make_shared<SurveyedSamples>(std::move(samples));
 }
 
 }  // namespace soilvdb::inline v0

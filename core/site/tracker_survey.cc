@@ -10,6 +10,7 @@
 #include "core/ground/ground_columns.h"
 #include "core/settle/column_samples.h"
 #include "core/settle/settler.h"
+#include "core/survey/surveyed_samples.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::inline v0 {
@@ -132,6 +133,12 @@ class SurveyedTile {
   Coord2 cell_;
 };
 
+ChunkCounts counts_to(SurveyedSamples& samples, int sign) {
+  return [&samples, sign](const Coord3& chunk, const CellCounts& bank, const CellCounts& loose) {
+    samples.add(chunk, bank, loose, sign);
+  };
+}
+
 template <typename T>
 void append(std::vector<T>& to, const std::vector<T>& more) {
   to.insert(to.end(), more.begin(), more.end());
@@ -192,10 +199,21 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
   return changed;
 }
 
+const SurveyedSamples* Tracker::surveyed_samples() const {
+  const bool are_all = surveyed_samples_->sum() == surveyed_.added - surveyed_.removed;
+  return are_all ? surveyed_samples_.get() : nullptr;
+}
+
+SurveyedSamples& Tracker::own_samples() {
+  if (surveyed_samples_.use_count() > 1)  // clones share them
+    surveyed_samples_ = std::make_shared<SurveyedSamples>(*surveyed_samples_);
+  return *surveyed_samples_;
+}
+
 void Tracker::lower(std::span<const ColumnEdit> edits) {
   if (edits.empty()) return;
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
-  const Taken taken = remove_top(ground_, edits, 0, true);
+  const Taken taken = remove_top(ground_, edits, 0, true, counts_to(own_samples(), -1));
   surveyed_.removed += taken.bank + taken.loose;
   surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
 }
@@ -204,7 +222,7 @@ void Tracker::raise(std::span<const ColumnEdit> edits) {
   if (edits.empty()) return;
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
   const std::int64_t added =
-      moves_soil() ? add_loose(ground_, edits, 0) : add_bank(ground_, edits, 0);
+      (moves_soil() ? add_loose : add_bank)(ground_, edits, 0, counts_to(own_samples(), 1));
   surveyed_.added += added;
   surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
 }

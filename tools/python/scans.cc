@@ -188,6 +188,67 @@ SurveyedGround survey(Site& site, const TerrainValue& terrain, const py::object&
   return made;
 }
 
+py::tuple pair_of(const Estimate& estimate) {
+  return py::make_tuple(estimate.mean, estimate.sigma);
+}
+
+Heap heap(Site& site, const py::object& boundary) {
+  const std::vector<Vec2> corners = places(boundary, "boundary");
+  return site.with([&](Session& session) { return session.heap(corners); });
+}
+
+void bind_heap(py::class_<Site>& site, py::module_& m) {
+  const auto estimate = [](Estimate Heap::*of) {
+    return [of](const Heap& heap) { return pair_of(heap.*of); };
+  };
+  py::class_<Heap>(m, "Heap",
+                   "A heap of loose soil as scans saw it, from Site.heap(): each (mean, sigma).")
+      .def_property_readonly("swell", estimate(&Heap::swell), "loose_m3 / bank_m3 - 1")
+      .def_property_readonly("repose_angle", estimate(&Heap::repose_rad),
+                             "slope of its flanks, rad")
+      .def_property_readonly("loose_m3", estimate(&Heap::loose_m3),
+                             "volume above the terrain, as scans saw it")
+      .def_property_readonly("bank_m3", estimate(&Heap::bank_m3),
+                             "put down there less what was taken, as bank soil, without what scans "
+                             "changed")
+      .def(py::pickle(
+          [](const Heap& h) {
+            std::vector<std::array<double, 2>> all;
+            for (const Estimate& e : {h.loose_m3, h.bank_m3, h.swell, h.repose_rad})
+              all.push_back({e.mean, e.sigma});
+            return py::make_tuple(all);
+          },
+          [](const py::tuple& t) {
+            const auto all = t[0].cast<std::array<std::array<double, 2>, 4>>();
+            const auto of = [&](std::size_t i) { return Estimate{all[i][0], all[i][1]}; };
+            return Heap{of(0), of(1), of(2), of(3)};
+          }))
+      .def("__repr__", [](const Heap& h) {
+        return fmt::format(
+            "soilvdb.Heap(swell={:.3g} +- {:.2g}, repose_angle={:.3g} +- {:.2g}, loose_m3={:.4g}, "
+            "bank_m3={:.4g})",
+            h.swell.mean, h.swell.sigma, h.repose_rad.mean, h.repose_rad.sigma, h.loose_m3.mean,
+            h.bank_m3.mean);
+      });
+  site.def("heap", &heap, py::arg("boundary"),
+           "Swell and angle of repose of a heap after apply_scans(): its volume above the terrain, "
+           "over the bank soil that machines and pours put down there, and the slope of its "
+           "flanks. boundary: corners (N, 2), m, world, around the whole heap and nothing else "
+           "that was dug or filled. Raises ValueError with one line if the site has no soil, scans "
+           "have not seen half of the heap as it is, it is lower than 8 voxels or has too little "
+           "of flanks, no soil was put down, or ground inside was cut.");
+  site.def(
+      "cut_m3",
+      [](Site& s, const MachineName& machine) {
+        return pair_of(
+            s.with([&](Session& session) { return session.cut_m3(machine_of(session, machine)); }));
+      },
+      py::arg("machine") = 0,
+      "(mean, sigma), m3: what a machine cut, in place: the ledger's volume, corrected by what "
+      "scans know of its lip, with the error of its lip over the ground that it was the last to "
+      "dig. Raises ValueError for several machines that dug before the first scan.");
+}
+
 void bind_sensor(py::module_& m) {
   const auto none = py::none();
   py::class_<Sensor>(
@@ -265,6 +326,7 @@ void bind_sensor(py::module_& m) {
 
 void bind_scans(py::class_<Site>& site, py::module_& m) {
   bind_sensor(m);
+  bind_heap(site, m);
   py::class_<SurveyValue>(m, "Survey", "What scans changed, from Site.apply_scans().")
       .def_property_readonly(
           "removed_m3", [](const SurveyValue& v) { return v.of.removed_m3; }, "soil taken away")

@@ -544,6 +544,10 @@ BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialT
   return volume;
 }
 
+Estimate Session::cut_m3(std::size_t machine) { return state_->cut_m3(machine); }
+
+Heap Session::heap(const std::vector<Vec2>& boundary) { return state_->heap(boundary); }
+
 void Session::mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   if (heights_m.size() < xy_m.size())
     throw std::invalid_argument("there must be room for as many heights as places");

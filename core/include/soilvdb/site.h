@@ -181,6 +181,15 @@ class Site {
   /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd
   /// rule
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
+  /// What a machine cut so far: the ledger's volume, corrected by what scans know of its lip. See
+  /// tools/guide/sensing.md. @throw std::invalid_argument if it is not known which machine dug
+  /// what
+  Estimate cut_m3(std::size_t machine);
+  /// Swell and angle of repose of the heap inside a boundary, as scans saw it.
+  /// @param boundary as above; around the whole heap, and nothing else that was dug or filled
+  /// @throw std::invalid_argument with one line if soil is rigid, scans saw too little of it, it is
+  /// too small, or touches cut ground
+  Heap heap(const std::vector<Vec2>& boundary);
 
   /// Serialized state for the next update, without the ground and the model.
   std::string progress() const;

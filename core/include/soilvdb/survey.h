@@ -77,7 +77,16 @@ struct SurveyChange {
   Vec2 slope = {0, 0};
 };
 
-struct SurveyState;  // core/survey/survey_state.h
+/// A heap of loose soil, by scans and by what the ledger knows was put down there.
+struct Heap {
+  Estimate loose_m3;    ///< above the terrain, as scans saw it
+  Estimate bank_m3;     ///< put down there, less what was taken: as bank soil, without scans
+  Estimate swell;       ///< loose over bank volume, less 1
+  Estimate repose_rad;  ///< slope of its flanks
+};
+
+struct SurveyState;     // core/survey/survey_state.h
+class SurveyedSamples;  // core/survey/surveyed_samples.h
 
 /// Corrections of columns of voxels by scans, with their sigmas.
 ///
@@ -130,6 +139,15 @@ class GroundSurvey {
   std::vector<Coord2> seen_squares() const;
   /// Sigma of the change of volume inside a boundary, against the terrain.
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
+  /// Of each machine, and then of those that are not known: by how much more it cut than its poses
+  /// say, by the error of its lip where it was the last to dig and the ground still shows it.
+  std::vector<Estimate> cut_errors_m3();
+  /// The heap inside a boundary. @param samples what surveys and scans changed
+  /// @param swell by which the ledger converts @param bank_error standard deviation of the bank
+  /// volume put down, as a share of it
+  /// @throw std::invalid_argument with one line if there is no answer
+  Heap heap(const std::vector<Vec2>& boundary, const SurveyedSamples& samples, double swell,
+            double bank_error);
 
   /// Adds all that is known.
   void save(std::string& out) const;

@@ -96,7 +96,8 @@ struct ColumnEdit;  // core/settle/column_samples.h
 class Machine;      // core/site/machine.h
 class Settler;      // core/settle/settler.h
 struct SettleTotals;
-class TileSet;  // core/settle/tile_set.h
+class TileSet;          // core/settle/tile_set.h
+class SurveyedSamples;  // core/survey/surveyed_samples.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
@@ -175,6 +176,8 @@ class Tracker {
   /// @throw std::invalid_argument as SurveyHeights::validate()
   std::int64_t survey(const SurveyHeights& survey);
   const Surveyed& surveyed() const { return surveyed_; }
+  /// The same by columns; null if this tracker's state is of a version that did not keep it.
+  const SurveyedSamples* surveyed_samples() const;
 
   const Ledger& ledger(std::size_t machine) const;
   /// Mass of the soil outside of the ground and the buckets; zeros if soil does not move.
@@ -208,6 +211,7 @@ class Tracker {
   bool may_run_apart();
   bool run_apart(std::span<const Group> groups, std::span<const Move> moves, const Run& run);
   void forget_changes_of(std::size_t settler);
+  SurveyedSamples& own_samples();
   void lower(std::span<const ColumnEdit> edits);
   void raise(std::span<const ColumnEdit> edits);
   void raise_walls();
@@ -217,6 +221,7 @@ class Tracker {
   std::vector<std::unique_ptr<Settler>> settlers_;  // of machines, then of pours; empty: rigid soil
   std::vector<std::int64_t> poured_parts_;          // per pour
   Surveyed surveyed_;
+  std::shared_ptr<SurveyedSamples> surveyed_samples_;
   BatchCounts batch_counts_;
   int in_turn_ = 0, last_in_turn_ = 0;  // batches to be made in turn; the same after the last one
   std::unique_ptr<TileSet> poured_unrest_;  // where poured soil may be too steep

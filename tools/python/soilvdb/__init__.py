@@ -21,6 +21,7 @@ from ._sensors import depth_image, lidar_turn
 from ._soilvdb import (
     Bucket,
     CutGeometry,
+    Heap,
     Hopper,
     Machine,
     Patch,
@@ -54,6 +55,7 @@ __all__ = [
     "Bucket",
     "CutGeometry",
     "Ensemble",
+    "Heap",
     "Hopper",
     "Identified",
     "Machine",
@@ -93,8 +95,8 @@ __all__ = [
     "write_raster",
 ]
 
-for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Sensor,
-               Site, Soil, Survey, SurveyedGround, Terrain, Update, Volume, Wrench, depth_image,
+for _thing in (Bucket, CutGeometry, Heap, Hopper, Identified, Machine, Patch, Pour, Resistance,
+               Sensor, Site, Soil, Survey, SurveyedGround, Terrain, Update, Volume, Wrench, depth_image,
                height_maps, identify, lidar_turn, motions, plane, points, raster, read_raster,
                resistances, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle

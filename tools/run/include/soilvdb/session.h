@@ -237,6 +237,9 @@ class Session {
   /// @param with_sigma also sigma_m3, by what is known of the machines' lips and by scans
   BoundaryVolume volume(const std::vector<Vec2>& boundary, const InitialTerrain* design = nullptr,
                         bool with_sigma = false);
+  /// See Site::cut_m3() and Site::heap().
+  Estimate cut_m3(std::size_t machine);
+  Heap heap(const std::vector<Vec2>& boundary);
   /// Heights on the mesh() at places of the world, m; NaN without soil. Meshes what changed since
   /// the last call: milliseconds after an update.
   void mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m);

@@ -1,0 +1,357 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What scans say of how much was cut, and of the soil of a heap: its swell and angle of repose.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "core/constants.h"
+#include "core/lattice/text.h"
+#include "core/survey/survey_state.h"
+#include "core/survey/surveyed_samples.h"
+#include "core/tool/polygon.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr double kHeapSamplesOfCell = 64;
+/// A heap has this height at least, voxels, so that a window fits on its flanks.
+constexpr double kLeastHeapHeight = 8;
+/// Of a heap, scans saw this share at least.
+constexpr double kLeastSeen = 0.5;
+/// Flanks lie between these shares of the heap's height: foot and crest are rounded.
+constexpr double kFlankLow = 0.15, kFlankHigh = 0.85;
+/// Ground of less than this share of a steep flank's slope is no flank: saddles and terraces.
+constexpr double kLeastSteep = 0.75;
+/// Planes of flanks are fitted to squares of this side, m, and 5 columns at least.
+constexpr double kFlankWindowM = 0.3;
+/// Flanks are looked at by directions from the heap's middle.
+constexpr int kSectors = 8, kLeastSectors = 3, kLeastWindows = 2;
+/// Columns of ground that nobody dug are right to this many samples.
+constexpr double kCutSamples = 8;
+/// Voxel columns inside a boundary, at most.
+constexpr double kMostHeapColumns = 1 << 22;
+
+double squared(double x) { return x * x; }
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// The columns around a heap.
+class HeapColumns {
+ public:
+  struct Column {
+    double share = 0;  // of it that is inside the boundary
+    double rise = 0;   // above the terrain, voxels
+    double off = 0;    // by how much scans alone say that it is higher, voxels
+    double height = HeightReader::kNoGround;  // by scans alone, where they saw it
+    double variance = 0;                      // of the height, m^2
+    bool is_seen = false;
+  };
+
+  /// @throw std::invalid_argument without ground that was changed, or for too much of it
+  HeapColumns(SurveyState& state, const std::vector<Vec2>& boundary) : state_(state) {
+    if (boundary.size() < 3) throw std::invalid_argument("a boundary must have 3 corners or more");
+    Eigen::AlignedBox2d box;
+    for (const Vec2& corner : boundary) {
+      if (!corner.allFinite()) throw std::invalid_argument("a corner of the boundary is no number");
+      box.extend(index_of(corner));
+    }
+    std::set<std::pair<int, int>> tiles;
+    Eigen::AlignedBox2d touched;
+    for (const Chunk* chunk : state.ground.chunks()) {
+      const Coord2 cell = chunk->origin.head<2>();
+      const Vec2 low = cell.cast<double>().array() - 0.5, high = low.array() + kChunkSide;
+      const Eigen::AlignedBox2d of_tile(low, high);
+      if (!box.intersects(of_tile)) continue;
+      touched.extend(of_tile);
+      tiles.emplace(cell.x(), cell.y());
+    }
+    if (tiles.empty())
+      throw std::invalid_argument(
+          "there is no heap inside the boundary: nothing was put down there");
+    if (touched.volume() > kMostHeapColumns)
+      throw std::invalid_argument("the boundary has " + text(touched.volume()) +
+                                  " columns of voxels that changed, and may have " +
+                                  text(kMostHeapColumns) + "; take one around a single heap");
+    first_ = (touched.min().array() + 1).cast<int>();
+    first_ = floor_to(first_, kChunkSide);
+    size_ = touched.sizes().array().round().cast<int>();
+    columns_.resize(static_cast<std::size_t>(size_.x()) * static_cast<std::size_t>(size_.y()));
+    on_ = Eigen::VectorXd::Zero(state.error_count());
+    for (const auto& [x, y] : tiles) read({x, y}, boundary);
+  }
+
+  const Coord2& size() const { return size_; }
+  const Column& at(int x, int y) const { return columns_[number(x, y)]; }
+  Vec2 place_m(int x, int y) const {
+    return state_.ground.origin().head<2>() +
+           state_.voxel_m() * (first_ + Coord2(x, y)).cast<double>();
+  }
+  Coord2 cell(int x, int y) const { return first_ + Coord2(x, y); }
+  /// Variance of the volume by what scans err, m^6.
+  double variance() const { return on_.dot(state_.errors.covariance() * on_) + apart_; }
+  double loose(int x, int y) const { return loose_.at(number(x, y)); }
+
+ private:
+  Vec2 index_of(const Vec2& place_m) const {
+    return (place_m - state_.ground.origin().head<2>()) / state_.voxel_m();
+  }
+  std::size_t number(int x, int y) const { return static_cast<std::size_t>(x * size_.y() + y); }
+
+  void read(const Coord2& cell, const std::vector<Vec2>& boundary) {
+    constexpr int kParts = 4;  // of a column along each axis that are inside or not
+    HeightReader& reader = state_.map.reader();
+    HeightReader::Columns dug, loose;
+    const Coord2 size = Coord2::Constant(kChunkSide);
+    reader.read(cell, size, static_cast<std::size_t>(MapLayer::kDug), kNoCeiling, dug);
+    reader.read(cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling, loose);
+    loose_.resize(columns_.size());
+    std::optional<SurveyTile> own;
+    const SurveyTile& tile = state_.look(cell, own);
+    Eigen::VectorXd sees(state_.error_count());
+    for (int x = 0; x < kChunkSide; ++x) {
+      for (int y = 0; y < kChunkSide; ++y) {
+        const auto n = static_cast<std::size_t>(x * kChunkSide + y);
+        const SurveyColumn& of = tile.columns[n];
+        if (std::isnan(of.top)) continue;
+        int parts = 0;
+        for (int part = 0; part < kParts * kParts; ++part) {
+          const Vec2 to((part / kParts + 0.5) / kParts - 0.5, (part % kParts + 0.5) / kParts - 0.5);
+          const Vec2 place = (cell + Coord2(x, y)).cast<double>() + to;
+          parts +=
+              inside(boundary, state_.ground.origin().head<2>() + state_.voxel_m() * place) ? 1 : 0;
+        }
+        const Coord2 in = cell + Coord2(x, y) - first_;
+        Column& column = columns_[number(in.x(), in.y())];
+        column.share = static_cast<double>(parts) / (kParts * kParts);
+        column.height = of.top;
+        column.rise = -dug.at(x, y);
+        column.variance = state_.height_variance(tile, n);
+        column.is_seen = of.origin == kSurveyed ||
+                         std::any_of(tile.sums.begin(), tile.sums.end(),
+                                     [&](const auto& sums) { return sums.second[n].rays > 0; });
+        loose_[number(in.x(), in.y())] = loose.at(x, y);
+        // What was expected of the heap depends on the swell and the angle that are asked for, so
+        // that only scans tell its height.
+        if (of.origin == kNatural) continue;
+        const ColumnResidual residual = state_.residual_of(tile, n, sees);
+        if (!(residual.weight > 0)) continue;
+        const double off = residual.residual - sees.dot(state_.errors.mean());
+        column.height = of.first + off / state_.voxel_m();
+        column.off = column.height - of.top;
+        column.variance = 1 / residual.weight;
+        const double area = column.share * squared(state_.voxel_m());
+        on_ += area * sees;
+        apart_ += squared(area) * column.variance;
+      }
+    }
+  }
+
+  SurveyState& state_;
+  Coord2 first_ = {0, 0}, size_ = {0, 0};
+  std::vector<Column> columns_;
+  std::vector<double> loose_;  // depth of the loose soil, voxels
+  Eigen::VectorXd on_;         // how the volume depends on common errors, m^2
+  double apart_ = 0;           // its variance by what errs column by column, m^6
+};
+
+/// The slope of the flanks: in each direction from the middle the median over squares that lie on
+/// the flank, and of these the mean. Directions err apart from each other.
+Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
+  const int half = std::max(2, static_cast<int>(std::lround(kFlankWindowM / voxel_m / 2)));
+  const int side = 2 * half + 1;
+  const double squares = side * static_cast<double>(side * (side * side - 1)) / 12;
+  const double mean_square = (side * side - 1) / 12.0;
+  double fourths = 0;  // sum of (u^2 - mean_square)^2
+  for (int u = -half; u <= half; ++u) fourths += side * squared(u * u - mean_square);
+  Vec2 middle = Vec2::Zero();
+  double whole = 0;
+  for (int x = 0; x < columns.size().x(); ++x)
+    for (int y = 0; y < columns.size().y(); ++y) {
+      const auto& column = columns.at(x, y);
+      if (!(column.share > 0) || !(column.rise > 0)) continue;
+      middle += column.share * column.rise * Vec2(x, y);
+      whole += column.share * column.rise;
+    }
+  middle /= whole;
+  struct Window {
+    double slope;
+    int sector;
+  };
+  std::vector<Window> windows;
+  double variance = 0;  // of heights of flanks, m^2
+  for (int x = half; x + half < columns.size().x(); x += half) {
+    for (int y = half; y + half < columns.size().y(); y += half) {
+      double a = 0, b = 0, own = 0;
+      Eigen::Vector3d bends = Eigen::Vector3d::Zero();  // along x, y and both
+      int seen = 0;
+      bool is_flank = true;
+      for (int u = -half; u <= half && is_flank; ++u) {
+        for (int v = -half; v <= half; ++v) {
+          const auto& column = columns.at(x + u, y + v);
+          is_flank = column.share == 1 && column.rise > kFlankLow * height &&
+                     column.rise < kFlankHigh * height;
+          if (!is_flank) break;
+          a += u * column.height;
+          b += v * column.height;
+          bends += column.height * Eigen::Vector3d(u * u - mean_square, v * v - mean_square, u * v);
+          own += column.variance;
+          seen += column.is_seen ? 1 : 0;
+        }
+      }
+      if (!is_flank || 2 * seen < side * side) continue;
+      const Vec2 from = Vec2(x, y) - middle;
+      const double turn = std::atan2(from.y(), from.x()) / (2 * M_PI) + 0.5;
+      const Vec2 slope = Vec2(a, b) / squares;
+      const Vec2 along = Vec2(-b, a).normalized();  // the contour
+      const double bend =
+          (bends.x() * squared(along.x()) + bends.y() * squared(along.y())) / fourths +
+          bends.z() * along.x() * along.y() / (squares * mean_square);
+      // Around a cone the slope turns within a square: a plane is flatter than its middle.
+      const double turned = 2 * mean_square * squared(bend) / slope.squaredNorm();
+      windows.push_back(
+          {slope.norm() * (1 + turned), std::min(kSectors - 1, static_cast<int>(turn * kSectors))});
+      variance += own / (side * side);
+    }
+  }
+  const std::string too_small =
+      "the heap is too small, or scans saw too little of it, to tell the slope of its flanks";
+  if (windows.empty()) throw std::invalid_argument(too_small);
+  variance /= static_cast<double>(windows.size());
+  std::vector<double> slopes;
+  for (const Window& window : windows) slopes.push_back(window.slope);
+  const auto steep = slopes.begin() + static_cast<std::ptrdiff_t>(slopes.size() * 9 / 10);
+  std::nth_element(slopes.begin(), steep, slopes.end());
+  const double least = kLeastSteep * *steep;
+  std::array<std::vector<double>, kSectors> by_sector;
+  for (const Window& window : windows)
+    if (window.slope >= least)
+      by_sector[static_cast<std::size_t>(window.sector)].push_back(window.slope);
+  std::vector<double> sectors;
+  for (std::vector<double>& of : by_sector)
+    if (of.size() >= kLeastWindows) sectors.push_back(std::atan(median(of)));
+  if (sectors.size() < kLeastSectors) throw std::invalid_argument(too_small);
+  const auto count = static_cast<double>(sectors.size());
+  const double mean = std::accumulate(sectors.begin(), sectors.end(), 0.0) / count;
+  double spread = 0;
+  for (const double sector : sectors) spread += (sector - mean) * (sector - mean);
+  // Heights at foot and crest err by their sigmas, each flank by itself.
+  const double run_m = (kFlankHigh - kFlankLow) * height * voxel_m / std::tan(mean);
+  const double of_heights = std::pow(std::cos(mean), 2) * std::sqrt(2 * variance) / run_m;
+  return {mean, std::sqrt(spread / (count - 1) / count + of_heights * of_heights / count)};
+}
+
+}  // namespace
+
+std::vector<Estimate> GroundSurvey::cut_errors_m3() {
+  SurveyState& s = *state_;
+  s.map.reader().refresh();
+  const double area_m2 = s.voxel_m() * s.voxel_m(), own = kDugSigmaM * kDugSigmaM;
+  std::vector<double> areas(s.lip_sigmas_m.size()), variances(areas.size());
+  std::map<std::tuple<std::size_t, int, int>, double> blocks;
+  std::set<std::pair<int, int>> tiles;
+  for (const Chunk* chunk : s.ground.chunks()) tiles.emplace(chunk->origin.x(), chunk->origin.y());
+  for (const auto& [x, y] : tiles) {
+    std::optional<SurveyTile> looked;
+    const SurveyTile& tile = s.look({x, y}, looked);
+    for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
+      const SurveyColumn& column = tile.columns[n];
+      const Eigen::Index lip = s.lip_of(column);
+      if (lip < 0 || std::isnan(column.top)) continue;
+      const auto m = static_cast<std::size_t>(lip);
+      const Block block = s.block_of(tile, n);
+      areas[m] += area_m2;
+      variances[m] += (1 - kAlikeShare) * own * area_m2 * area_m2;
+      blocks[{m, block.x, block.y}] += area_m2;
+    }
+  }
+  for (const auto& [block, area] : blocks)
+    variances[std::get<0>(block)] += kAlikeShare * own * area * area;
+  std::vector<Estimate> errors;
+  for (std::size_t m = 0; m < areas.size(); ++m) {
+    const auto at = static_cast<Eigen::Index>(m);
+    errors.push_back(
+        {areas[m] * s.errors.mean()[at],
+         std::sqrt(areas[m] * areas[m] * s.errors.covariance()(at, at) + variances[m])});
+  }
+  return errors;
+}
+
+Heap GroundSurvey::heap(const std::vector<Vec2>& boundary, const SurveyedSamples& samples,
+                        double swell, double bank_error) {
+  SurveyState& s = *state_;
+  s.map.reader().refresh();
+  const HeapColumns columns(s, boundary);
+  const Coord2 size = columns.size();
+  std::vector<double> rises;
+  double above = 0, put = 0;                 // voxels
+  double area = 0, seen_area = 0;            // columns of the heap
+  double hidden = 0, seen = 0, changed = 0;  // volumes of the heap, and what scans changed of it
+  for (int x = 0; x < size.x(); ++x) {
+    for (int y = 0; y < size.y(); ++y) {
+      const HeapColumns::Column& column = columns.at(x, y);
+      if (!(column.share > 0)) continue;
+      const SurveyedSamples::Column surveyed = samples.at(columns.cell(x, y));
+      const double loose = columns.loose(x, y), bank = column.rise - loose;
+      if (kHeapSamplesOfCell * bank - surveyed.bank < -kCutSamples) {
+        const Vec2 at = columns.place_m(x, y);
+        throw std::invalid_argument("the boundary has cut ground in it, as at (" + text(at.x()) +
+                                    ", " + text(at.y()) + "); take one around the heap alone");
+      }
+      above += column.share * (column.rise + column.off);
+      put += column.share * (loose - surveyed.loose / kHeapSamplesOfCell);
+      if (column.rise <= 1) continue;
+      rises.push_back(column.rise);
+      area += column.share;
+      if (column.is_seen) {
+        seen_area += column.share;
+        seen += column.share * (column.rise + column.off);
+        changed +=
+            column.share * ((surveyed.bank + surveyed.loose) / kHeapSamplesOfCell + column.off);
+      } else {
+        hidden += column.share * column.rise;
+      }
+    }
+  }
+  if (rises.empty())
+    throw std::invalid_argument(
+        "there is no heap inside the boundary: no soil is above the terrain");
+  if (seen_area < kLeastSeen * area)
+    throw std::invalid_argument(
+        "scans saw " + std::to_string(std::lround(100 * seen_area / area)) +
+        " % of the heap as it is now, and must have seen half of it; scan it and apply the scans");
+  const auto high = rises.begin() + static_cast<std::ptrdiff_t>(rises.size() * 98 / 100);
+  std::nth_element(rises.begin(), high, rises.end());
+  if (*high < kLeastHeapHeight)
+    throw std::invalid_argument("the heap is " + text(*high * s.voxel_m()) +
+                                " m high, and must be " + text(kLeastHeapHeight * s.voxel_m()) +
+                                " m, " + text(kLeastHeapHeight) + " voxels, or more");
+  if (!(put > 0))
+    throw std::invalid_argument("no machine or pour put soil down inside the boundary");
+  const double voxel_m3 = std::pow(s.voxel_m(), 3);
+  Heap heap;
+  heap.bank_m3 = {put / (1 + swell) * voxel_m3, bank_error * put / (1 + swell) * voxel_m3};
+  // What is hidden errs as what was seen did.
+  const double expected = seen - changed;
+  const double of_hidden = expected > 0 ? hidden * std::abs(changed) / expected * voxel_m3 : 0;
+  const double sigma_m3 = std::hypot(volume_sigma_m3(boundary), of_hidden);
+  heap.loose_m3 = {above * voxel_m3, std::hypot(sigma_m3, std::sqrt(columns.variance()))};
+  const double ratio = heap.loose_m3.mean / heap.bank_m3.mean;
+  heap.swell = {ratio - 1, std::hypot(heap.loose_m3.sigma / heap.bank_m3.mean, ratio * bank_error)};
+  heap.repose_rad = repose_of(columns, *high, s.voxel_m());
+  return heap;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Swell and repose of heaps by scans, and what machines cut: against cones and digs that are known."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+SOIL = soilvdb.Soil(repose_angle=0.61, swell=0.25)
+VOXEL = 0.05
+AROUND = [(-2.6, -2.6), (2.6, -2.6), (2.6, 2.6), (-2.6, 2.6)]
+
+
+def above_cone(p, radius, slope):
+    return p[2] - np.maximum(0, slope * (radius - np.hypot(p[0], p[1])))
+
+
+def rays_to_cone(place, radius, slope, rng, sigma):
+    """Points that a camera with errors of its mount sees of a cone on a plane."""
+    ahead = np.array([0, 0, 0.3]) - place
+    ahead /= np.linalg.norm(ahead)
+    side = np.cross(ahead, [0, 0, 1])
+    side /= np.linalg.norm(side)
+    u, v = np.meshgrid(np.arange(-0.5, 0.5, 0.006), np.arange(-0.45, 0.45, 0.006))
+    ways = ahead + u.reshape(-1, 1) * side + v.reshape(-1, 1) * np.cross(side, ahead)
+    ways = ways[ways[:, 2] < -0.2]
+    ways = (ways / np.linalg.norm(ways, axis=1)[:, None]).T
+    place = place[:, None]
+    # The first step below the surface, then halves of it.
+    steps = np.linspace(0, 1, 400)[:, None] * (-place[2] / ways[2])
+    low = np.zeros(ways.shape[1])
+    high = steps[-1].copy()
+    found = np.zeros(len(low), bool)
+    for before, now in zip(steps[:-1], steps[1:]):
+        meets = ~found & (above_cone(place + now * ways, radius, slope) < 0)
+        low[meets], high[meets] = before[meets], now[meets]
+        found |= meets
+    low[~found] = high[~found]
+    for _ in range(30):
+        middle = (low + high) / 2
+        below = above_cone(place + middle * ways, radius, slope) < 0
+        low, high = np.where(below, low, middle), np.where(below, middle, high)
+    ranges = low * (1 + rng.normal(0, 0.002)) + rng.normal(0, sigma, len(low))
+    tilt = np.array([*rng.normal(0, 0.002, 2), 0])
+    told = ways + np.cross(tilt, ways.T).T
+    return (place + [[0], [0], [rng.normal(0, 0.01)]] + ranges * told).T
+
+
+def heap_site(bank):
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [], soil=SOIL,
+                        pours=[soilvdb.Pour((0, 0, 3), bank * (1 + 0.25), (0, 1))])
+    site.pour(1)
+    site.come_to_rest()
+    return site
+
+
+def scanned(seed):
+    """A heap whose true soil has another swell and angle than the site's."""
+    rng = np.random.default_rng(seed)
+    swell, repose, bank = rng.uniform(0.05, 0.5), rng.uniform(0.5, 0.75), rng.uniform(1.0, 2.5)
+    slope = math.tan(repose)
+    radius = (3 * bank * (1 + swell) / math.pi / slope) ** (1 / 3)  # of the cone of that volume
+    site = heap_site(bank)
+    turn = rng.uniform(0, 2 * math.pi)
+    for k in range(3):
+        angle = turn + k * 2 * math.pi / 3
+        place = np.array([5 * math.cos(angle), 5 * math.sin(angle), 4.0])
+        mast = soilvdb.Sensor(name=f"mast {k}", position=place, range_sigma=0.02)
+        site.scan(mast, rays_to_cone(place, radius, slope, rng, 0.02), world=True)
+    site.apply_scans()
+    return site, swell, repose, bank
+
+
+@pytest.fixture(scope="module")
+def errors():
+    """Root mean squares over draws: error and sigma of the swell, error and sigma of the angle."""
+    off = []
+    for seed in range(100, 106):
+        site, swell, repose, bank = scanned(seed)
+        heap = site.heap(AROUND)
+        # The ledger's volume does not depend on what scans changed: it is exact to the samples
+        # that the pour still has in the air.
+        assert heap.bank_m3[0] == pytest.approx(bank, abs=2 * VOXEL**3 / 64 + 1e-4 * bank)
+        assert heap.swell[0] == pytest.approx(heap.loose_m3[0] / heap.bank_m3[0] - 1)
+        off.append((heap.swell[0] - swell, heap.swell[1],
+                    heap.repose_angle[0] - repose, heap.repose_angle[1]))
+    return np.sqrt(np.mean(np.square(off), axis=0))
+
+
+def test_swell_and_repose_are_those_of_cones(errors):
+    # Without scans both would be off by what the draws are spread about the site's: 0.13 and 0.07.
+    assert errors[0] < 0.04 and errors[2] < 0.03
+
+
+def test_the_sigma_of_the_angle_is_true(errors):
+    assert 0.5 < errors[3] / errors[2] < 2, errors
+
+
+@pytest.mark.xfail(strict=True, reason="the sigma of swell leaves out a bias towards small volumes")
+def test_the_sigma_of_the_swell_is_true(errors):
+    assert 0.5 < errors[1] / errors[0] < 2, errors
+
+
+def test_heaps_of_clones_and_restored_sites_are_the_same():
+    site, *_ = scanned(7)
+    heap = repr(site.heap(AROUND))
+    again = heap_site(1.0)
+    with pytest.raises(ValueError, match="nothing was scanned"):
+        again.heap(AROUND)
+    other = pickle.loads(pickle.dumps(site))
+    assert repr(other.heap(AROUND)) == heap
+    assert repr(pickle.loads(pickle.dumps(site.heap(AROUND)))) == heap
+
+
+def test_heaps_that_cannot_be_told_are_refused():
+    site, *_ = scanned(8)
+    for boundary, why in [
+        ([(9, 9), (10, 9), (10, 10)], "no heap inside the boundary"),
+        ([(0, 0), (1, 0)], "3 corners"),
+        ([(0, 0), (1, 0), (math.nan, 1)], "no number"),
+        ([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)], "slope of its flanks"),
+    ]:
+        with pytest.raises(ValueError, match=why):
+            site.heap(boundary)
+    with pytest.raises(ValueError, match="soil is rigid"):
+        soilvdb.Site(VOXEL, soilvdb.plane(0.0), []).heap(AROUND)
+
+
+def test_heaps_beside_cut_ground_are_refused():
+    bucket = soilvdb.Bucket(0.6, 0.4)
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [bucket], soil=SOIL,
+                        pours=[soilvdb.Pour((0, 0, 3), 1.0, (0, 1))])
+    site.pour(1)
+    site.come_to_rest()
+    for position in [(-2.4, 2.2, 0.5), (-2.4, 2.2, -0.2), (-1.8, 2.2, -0.2), (-1.8, 2.2, 0.5)]:
+        site.update(0, position=position)
+    mast = soilvdb.Sensor(position=(0, -4, 4))
+    site.scan(mast, [(3.5, 0.0, 0.0)], world=True)
+    site.apply_scans()
+    with pytest.raises(ValueError, match="cut ground"):
+        site.heap(AROUND)
+    with pytest.raises(ValueError, match="scans saw 0 %"):
+        site.heap([(-1.5, -1.5), (1.5, -1.5), (1.5, 1.5), (-1.5, 1.5)])
+
+
+def dig(lip, length):
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    for position in [(0, 0, 0.5), (0, 0, -0.3 + lip), (length, 0, -0.3 + lip), (length, 0, 0.8)]:
+        site.update(0, position=position)
+    return site
+
+
+def test_the_sigma_of_a_cut_is_that_of_the_lip_over_the_floor():
+    rng = np.random.default_rng(5)
+    off, claimed = [], []
+    for _ in range(40):
+        length, lip = rng.uniform(2, 5), rng.normal(0, 0.02)
+        mean, sigma = dig(lip, length).cut_m3()
+        off.append(mean - dig(0, length).cut_m3()[0])
+        claimed.append(sigma)
+        floor_m2 = 1.2 * length
+        assert sigma == pytest.approx(0.02 * floor_m2, rel=0.2)  # walls and the errors of columns
+    assert 0.5 < np.sqrt(np.mean(np.square(claimed)) / np.mean(np.square(off))) < 2
+
+
+def test_cuts_of_several_machines_need_a_scan_before():
+    buckets = [soilvdb.Bucket(1.2, 0.9)] * 2
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), buckets)
+    assert site.cut_m3(1) == (0, 0)
+    for position in [(0, 0, 0.5), (0, 0, -0.3), (2, 0, -0.3)]:
+        site.update(0, position=position)
+    with pytest.raises(ValueError, match="which machine dug what"):
+        site.cut_m3(0)
+    with pytest.raises(ValueError, match="no machine 2"):
+        site.cut_m3(2)
