@@ -517,8 +517,11 @@ TEST(HeightMap, WhatAToolCutFromTheSideCountsUpToACell) {
   for (const int z : {0, 8}) {  // a cell of each column; then two, so that what is above is a roof
     GroundWriter(ground).remove({0, 0, z}, eighth);
     const std::vector<double> dug = map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug);
-    if (z == 0) EXPECT_NEAR(sum_of(dug) * 0.01, -ground.change_m3(), 1e-9);
-    if (z > 0) EXPECT_EQ(*std::max_element(dug.begin(), dug.end()), 0);
+    if (z == 0) {
+      EXPECT_NEAR(sum_of(dug) * 0.01, -ground.change_m3(), 1e-9);
+    } else {
+      EXPECT_EQ(*std::max_element(dug.begin(), dug.end()), 0);
+    }
   }
 }
 
