@@ -111,6 +111,9 @@ def test_places_far_apart_have_larger_cells(tmp_path, far):
             assert answer["rays"]["used"] > 200
         told = Sigmas(server)
         assert told.cell == 2 * VOXEL and told.m.size <= 1 << 20 and max(told.m.shape) <= 4096
+        row = told.seen[np.argmin(abs(told.y[:, 0] - 0.45))]
+        ends = [row[np.argmin(abs(told.x[0] - x))] for x in (-0.55, -0.35, 1.05, 1.25)]
+        assert ends == [False, True, True, False], "columns -3 to 12, by the second of two"
         near = np.hypot(told.x - 0.45, told.y - 0.45) < 0.6
         there = np.hypot(told.x - 0.45 - far[0], told.y - 0.45 - far[1]) < 0.6
         assert near.sum() > 20 and np.all(told.seen[near]) and np.all(told.seen[there])
