@@ -145,7 +145,6 @@ class HeapColumns {
         loose_[number(in.x(), in.y())] = loose.at(x, y);
         // What was expected of the heap depends on the swell and the angle that are asked for, so
         // that only scans tell its height.
-        if (of.origin == kNatural) continue;
         const ColumnResidual residual = state_.residual_of(tile, n, sees);
         if (!(residual.weight > 0)) continue;
         const double off = residual.residual - sees.dot(state_.errors.mean());

@@ -100,7 +100,6 @@ def test_the_sigma_of_the_angle_is_true(errors):
     assert 0.5 < errors[3] / errors[2] < 2, errors
 
 
-@pytest.mark.xfail(strict=True, reason="the sigma of swell leaves out a bias towards small volumes")
 def test_the_sigma_of_the_swell_is_true(errors):
     assert 0.5 < errors[1] / errors[0] < 2, errors
 
