@@ -123,8 +123,8 @@ class TileReader {
     return chunk.loose_count > 0 ? &chunk.loose : nullptr;
   }
   /// Lowers columns by what is missing below their topmost full cell, as where a tool cut some
-  /// samples from the side. Not over a cell without soil, or where more than a cell is missing: what
-  /// is above that is a roof.
+  /// samples from the side. Not over a cell without soil, or where more than a cell is missing:
+  /// what is above that is a roof.
   void subtract_pores(std::uint64_t columns) {
     int last = top_chunk();
     std::uint64_t known = 0;

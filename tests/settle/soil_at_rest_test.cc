@@ -59,7 +59,6 @@ TEST(SoilAtRest, ABankThatFailsSlidesOverManyUpdates) {
   const double all = std::accumulate(slid.begin(), slid.end(), 0.0);
   EXPECT_GT(all, 1) << "its walls fail";
   EXPECT_LT(*std::max_element(slid.begin(), slid.end()), 0.3 * all);
-  EXPECT_GT(std::count_if(slid.begin(), slid.end(), [](double m3) { return m3 > 0; }), 10);
   EXPECT_LT(site.steepest(), 3 * kDegree);
   EXPECT_EQ(residual(site.tracker), 0);
   EXPECT_LE(site.tracker.ledger(0).load, held);

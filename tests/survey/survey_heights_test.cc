@@ -96,7 +96,7 @@ void each_column(const SurveyHeights& heights, const F& f) {
       f(Coord2(heights.first + Coord2(x, y)), heights.heights[heights.number(x, y)]);
 }
 
-/// Air below soil in columns that have a cell without any below some.
+/// Air below soil in columns that have a cell without any below some, or more than a cell of it.
 double hollow_m3(const Ground& ground, const SurveyHeights& heights) {
   constexpr int kLow = -64, kHigh = 64;
   std::int64_t missing = 0;
@@ -115,7 +115,9 @@ double hollow_m3(const Ground& ground, const SurveyHeights& heights) {
         soil += count;
       }
     }
-    if (empty && height != SurveyHeights::kNone) missing += height - 64 * kLow + 32 - soil;
+    if (height == SurveyHeights::kNone) return;
+    const std::int64_t below = height - 64 * kLow + 32 - soil;
+    if (empty || below > 64) missing += below;
   });
   return static_cast<double>(missing) * ground.sample_m3();
 }

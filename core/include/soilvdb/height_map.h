@@ -71,8 +71,8 @@ struct [[nodiscard]] LookResult {
 /// A column of voxels has the mean height of its topmost soil: what lies above the topmost voxel
 /// that is full of bank soil counts with its volume, and what is missing in the 32 voxels below
 /// that as well. So sums over columns are volumes to the last sample. Not so under a roof, which is
-/// bank soil over a voxel without any, or over voxels that together miss more than one: only what is
-/// above its topmost full voxel counts. Pieces of soil in the air count.
+/// bank soil over a voxel without any, or over voxels that together miss more than one: only what
+/// is above its topmost full voxel counts. Pieces of soil in the air count.
 ///
 /// Heights are kept by tiles of 8 x 8 columns until the ground changes there: looking costs some
 /// nanoseconds a column, and some microseconds for each tile that changed since. The first look
