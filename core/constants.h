@@ -813,6 +813,31 @@ inline constexpr double kMostBendErrorM = 0.02;
 inline constexpr double kPooledGate = 2.5, kColumnGate = 3.5;
 /// Rounds in which these columns are looked for.
 inline constexpr int kGateRounds = 4;
+/// Steps of Gauss and Newton at most that fit a scan's pose, and a step that ends them: m, rad.
+inline constexpr int kPoseSteps = 5;
+inline constexpr double kLastPoseShiftM = 2e-4, kLastPoseTurn = 4e-5;
+/// Squares of ground, and their side, m, that a scan must see for its pose to be fitted. With fewer
+/// a slump or a machine in view moves the whole scan.
+inline constexpr std::size_t kPoseBlocks = 20;
+inline constexpr double kPoseBlockM = 1;
+/// A pose that would be so many sigmas off, and the root of this, m^2 or rad^2, is not found.
+inline constexpr double kLostPoseSigmas = 5, kLostPoseVariance = 1e-6;
+/// Slope from which on ground takes no part in a pose: there a column's height errs by its edges.
+inline constexpr double kPoseSlope = 1;
+/// A heap has this height at least, voxels, so that a square fits on its flanks; scans saw this
+/// share of it at least; and a boundary about it has so many columns of voxels at most.
+inline constexpr double kLeastHeapHeight = 8, kLeastHeapSeen = 0.5, kMostHeapColumns = 1 << 22;
+/// Flanks lie between these shares of a heap's height: foot and crest are rounded. Ground of less
+/// than this share of a steep flank's slope is no flank, but a saddle or a terrace.
+inline constexpr double kFlankLow = 0.15, kFlankHigh = 0.85, kLeastFlankShare = 0.75;
+/// Planes of flanks are fitted to squares of this side, m, and 5 columns at least. Larger ones do
+/// not fit on small heaps, smaller ones take the noise of scans for slopes.
+inline constexpr double kFlankWindowM = 0.3;
+/// Directions from a heap's middle in which flanks are looked at, how many of them must have some,
+/// and how many squares each.
+inline constexpr int kFlankSectors = 8, kLeastFlankSectors = 3, kLeastFlankWindows = 2;
+/// Samples to which columns of ground are right that nobody dug: what lacks more was cut.
+inline constexpr double kHeapCutSamples = 8;
 /// A correction is made from this on: of a voxel, and sigmas of ground that nobody touched, and of
 /// other ground. With smaller values scans that agree with the ground change it.
 inline constexpr double kLeastCorrection = 1.0 / 16, kNaturalSigmas = 2, kMovedSigmas = 0.5;

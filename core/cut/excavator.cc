@@ -38,9 +38,9 @@ bool may_cut(const float* a, const float* ra, const float* b, const float* rb, c
 
 }  // namespace
 
-Excavator::Station Excavator::station(const Ground& ground, const Facet& facet,
-                                      const Pose& world_from_bucket) const {
-  Station s;
+Excavator::FacetPlace Excavator::place(const Ground& ground, const Facet& facet,
+                                       const Pose& world_from_bucket) const {
+  FacetPlace s;
   const Pose world_from_facet = world_from_bucket * facet.bucket_from_facet;
   s.axes = world_from_facet.rotation.toRotationMatrix();
   s.position = ground.index_from_world(world_from_facet.position);
@@ -60,7 +60,7 @@ Excavator::Station Excavator::station(const Ground& ground, const Facet& facet,
 Eigen::AlignedBox3d Excavator::box(std::size_t pose) const {
   Eigen::AlignedBox3d all;
   for (std::size_t f = 0; f < facets_.size(); ++f)
-    all.extend(stations_[pose * facets_.size() + f].box);
+    all.extend(places_[pose * facets_.size() + f].box);
   return all;
 }
 
@@ -69,7 +69,7 @@ Eigen::AlignedBox3d Excavator::box(std::size_t pose) const {
 void Excavator::require_known(const Ground& ground, std::span<const Pose> path) const {
   const auto check = [&](const Pose& pose) {
     for (const Facet& facet : facets_) {
-      const Eigen::AlignedBox3d world = in_world(ground, station(ground, facet, pose).box);
+      const Eigen::AlignedBox3d world = in_world(ground, place(ground, facet, pose).box);
       if (ground.terrain().has_data(world)) continue;
       const Vec3 &low = world.min(), &high = world.max();
       throw NoGroundError("the bucket reaches ground without a height at x " +
@@ -87,7 +87,7 @@ void Excavator::require_known(const Ground& ground, std::span<const Pose> path) 
 }
 
 AffineFrame Excavator::frame(std::size_t pose, std::size_t facet, const Coord3& origin) const {
-  const Station& s = stations_[pose * facets_.size() + facet];
+  const FacetPlace& s = places_[pose * facets_.size() + facet];
   return {s.axes, s.position, origin};
 }
 
@@ -95,14 +95,14 @@ AffineFrame Excavator::frame(std::size_t pose, std::size_t facet, const Coord3& 
 void Excavator::find_strokes(const Coord3& origin, std::size_t first, std::size_t last,
                              double voxel_size_m) {
   const Vec3 middle = origin.cast<double>() + Vec3::Constant((kChunkSide - 1) / 2.0);
-  const auto coordinates = [&](const Station& s, float* c) {
+  const auto coordinates = [&](const FacetPlace& s, float* c) {
     const Vec3 local = s.axes.transpose() * (middle - s.position);
     for (int a = 0; a < 3; ++a) c[a] = static_cast<float>(local[a]);
   };
   for (std::size_t i = first + 2; i <= last; i += 2) {
     for (std::size_t f = 0; f < facets_.size(); ++f) {
-      const Station &a = stations_[(i - 2) * facets_.size() + f],
-                    &b = stations_[i * facets_.size() + f];
+      const FacetPlace &a = places_[(i - 2) * facets_.size() + f],
+                       &b = places_[i * facets_.size() + f];
       float ca[3], cb[3];
       coordinates(a, ca);
       coordinates(b, cb);
@@ -169,17 +169,17 @@ void Excavator::sweep_part(Ground& ground, std::size_t first, std::size_t last, 
   }
 }
 
-void Excavator::find_stations(const Ground& ground, std::span<const Pose> path) {
-  stations_.clear();
+void Excavator::find_places(const Ground& ground, std::span<const Pose> path) {
+  places_.clear();
   for (const Pose& pose : path) {
-    for (const Facet& facet : facets_) stations_.push_back(station(ground, facet, pose));
+    for (const Facet& facet : facets_) places_.push_back(place(ground, facet, pose));
   }
 }
 
 void Excavator::require_ground(const Ground& ground, std::span<const Pose> path) {
   if (bucket_.shape) return soilvdb::require_ground(ground, *bucket_.shape, path);
   if (path.size() == 1 && bucket_.profile.empty()) return;
-  find_stations(ground, path);
+  find_places(ground, path);
   require_known(ground, path);
 }
 
@@ -196,7 +196,7 @@ Cut Excavator::sweep(Ground& ground, std::span<const Pose> path) {
   Cut cut;
   if (path.size() < 2) return cut;
   if (bucket_.shape) return cut_by_shape(ground, path);
-  find_stations(ground, path);
+  find_places(ground, path);
   require_known(ground, path);
   for (std::size_t first = 0; first + 2 < path.size();) {
     std::size_t last = first + 2;
@@ -243,8 +243,8 @@ Cut Excavator::stamp(Ground& ground, const Pose& world_from_bucket) {
   if (bucket_.shape) return cut_by_shape(ground, {&world_from_bucket, 1});
   if (bucket_.profile.empty()) return cut;
   require_known(ground, {&world_from_bucket, 1});
-  stations_.clear();
-  for (const Facet& facet : facets_) stations_.push_back(station(ground, facet, world_from_bucket));
+  places_.clear();
+  for (const Facet& facet : facets_) places_.push_back(place(ground, facet, world_from_bucket));
   const Pose bucket_from_world = world_from_bucket.inverse();
   edits_.clear();
   for_each_chunk(box(0), [&](const Coord3& origin) { edits_.push_back({origin}); });

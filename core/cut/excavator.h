@@ -45,7 +45,7 @@ class Excavator {
 
  private:
   /// The place of a facet at a pose of the path, in index space.
-  struct Station {
+  struct FacetPlace {
     Eigen::Matrix3d axes;  // columns are the facet's axes
     Vec3 position;
     Eigen::AlignedBox3d box;
@@ -63,8 +63,8 @@ class Excavator {
   };
 
   Cut cut_by_shape(Ground& ground, std::span<const Pose> path) const;
-  void find_stations(const Ground& ground, std::span<const Pose> path);
-  Station station(const Ground& ground, const Facet& facet, const Pose& world_from_bucket) const;
+  void find_places(const Ground& ground, std::span<const Pose> path);
+  FacetPlace place(const Ground& ground, const Facet& facet, const Pose& world_from_bucket) const;
   void require_known(const Ground& ground, std::span<const Pose> path) const;
   Eigen::AlignedBox3d box(std::size_t pose) const;
   AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
@@ -77,7 +77,7 @@ class Excavator {
 
   Bucket bucket_;
   std::vector<Facet> facets_;
-  std::vector<Station> stations_;  // by pose, then facet
+  std::vector<FacetPlace> places_;  // by pose, then facet
   std::vector<StrokeRef> strokes_;
   std::vector<GroundWriter::Edit> edits_;  // by chunk, as work_ is
   std::vector<Work> work_;

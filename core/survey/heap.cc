@@ -22,24 +22,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr double kHeapSamplesOfCell = 64;
-/// A heap has this height at least, voxels, so that a window fits on its flanks.
-constexpr double kLeastHeapHeight = 8;
-/// Of a heap, scans saw this share at least.
-constexpr double kLeastSeen = 0.5;
-/// Flanks lie between these shares of the heap's height: foot and crest are rounded.
-constexpr double kFlankLow = 0.15, kFlankHigh = 0.85;
-/// Ground of less than this share of a steep flank's slope is no flank: saddles and terraces.
-constexpr double kLeastSteep = 0.75;
-/// Planes of flanks are fitted to squares of this side, m, and 5 columns at least.
-constexpr double kFlankWindowM = 0.3;
-/// Flanks are looked at by directions from the heap's middle.
-constexpr int kSectors = 8, kLeastSectors = 3, kLeastWindows = 2;
-/// Columns of ground that nobody dug are right to this many samples.
-constexpr double kCutSamples = 8;
-/// Voxel columns inside a boundary, at most.
-constexpr double kMostHeapColumns = 1 << 22;
-
 double squared(double x) { return x * x; }
 
 double median(std::vector<double>& values) {
@@ -220,8 +202,8 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
           bends.z() * along.x() * along.y() / (squares * mean_square);
       // Around a cone the slope turns within a square: a plane is flatter than its middle.
       const double turned = 2 * mean_square * squared(bend) / slope.squaredNorm();
-      windows.push_back(
-          {slope.norm() * (1 + turned), std::min(kSectors - 1, static_cast<int>(turn * kSectors))});
+      windows.push_back({slope.norm() * (1 + turned),
+                         std::min(kFlankSectors - 1, static_cast<int>(turn * kFlankSectors))});
       variance += own / (side * side);
     }
   }
@@ -233,15 +215,15 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
   for (const Window& window : windows) slopes.push_back(window.slope);
   const auto steep = slopes.begin() + static_cast<std::ptrdiff_t>(slopes.size() * 9 / 10);
   std::nth_element(slopes.begin(), steep, slopes.end());
-  const double least = kLeastSteep * *steep;
-  std::array<std::vector<double>, kSectors> by_sector;
+  const double least = kLeastFlankShare * *steep;
+  std::array<std::vector<double>, kFlankSectors> by_sector;
   for (const Window& window : windows)
     if (window.slope >= least)
       by_sector[static_cast<std::size_t>(window.sector)].push_back(window.slope);
   std::vector<double> sectors;
   for (std::vector<double>& of : by_sector)
-    if (of.size() >= kLeastWindows) sectors.push_back(std::atan(median(of)));
-  if (sectors.size() < kLeastSectors) throw std::invalid_argument(too_small);
+    if (of.size() >= kLeastFlankWindows) sectors.push_back(std::atan(median(of)));
+  if (sectors.size() < kLeastFlankSectors) throw std::invalid_argument(too_small);
   const auto count = static_cast<double>(sectors.size());
   const double mean = std::accumulate(sectors.begin(), sectors.end(), 0.0) / count;
   double spread = 0;
@@ -304,21 +286,20 @@ Heap GroundSurvey::heap(const std::vector<Vec2>& boundary, const SurveyedSamples
       if (!(column.share > 0)) continue;
       const SurveyedSamples::Column surveyed = samples.at(columns.cell(x, y));
       const double loose = columns.loose(x, y), bank = column.rise - loose;
-      if (kHeapSamplesOfCell * bank - surveyed.bank < -kCutSamples) {
+      if (kSamplesOfCell * bank - surveyed.bank < -kHeapCutSamples) {
         const Vec2 at = columns.place_m(x, y);
         throw std::invalid_argument("the boundary has cut ground in it, as at (" + text(at.x()) +
                                     ", " + text(at.y()) + "); take one around the heap alone");
       }
       above += column.share * (column.rise + column.off);
-      put += column.share * (loose - surveyed.loose / kHeapSamplesOfCell);
+      put += column.share * (loose - surveyed.loose / kSamplesOfCell);
       if (column.rise <= 1) continue;
       rises.push_back(column.rise);
       area += column.share;
       if (column.is_seen) {
         seen_area += column.share;
         seen += column.share * (column.rise + column.off);
-        changed +=
-            column.share * ((surveyed.bank + surveyed.loose) / kHeapSamplesOfCell + column.off);
+        changed += column.share * ((surveyed.bank + surveyed.loose) / kSamplesOfCell + column.off);
       } else {
         hidden += column.share * column.rise;
       }
@@ -327,7 +308,7 @@ Heap GroundSurvey::heap(const std::vector<Vec2>& boundary, const SurveyedSamples
   if (rises.empty())
     throw std::invalid_argument(
         "there is no heap inside the boundary: no soil is above the terrain");
-  if (seen_area < kLeastSeen * area)
+  if (seen_area < kLeastHeapSeen * area)
     throw std::invalid_argument(
         "scans saw " + std::to_string(std::lround(100 * seen_area / area)) +
         " % of the heap as it is now, and must have seen half of it; scan it and apply the scans");

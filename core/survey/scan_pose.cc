@@ -14,18 +14,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Steps of Gauss and Newton at most, and a step that ends them: m, rad.
-constexpr int kPoseSteps = 5;
-constexpr double kLastShiftM = 2e-4, kLastTurn = 4e-5;
-/// Squares of ground, and their side, m, that a scan must see for its pose to be fitted. With fewer
-/// a slump or a machine in view moves the whole scan.
-constexpr std::size_t kPoseBlocks = 20;
-constexpr double kPoseBlockM = 1;
-/// A pose that would be five sigmas off, and this, m^2 or rad^2, is not found.
-constexpr double kLostVariance = 1e-6;
-/// Slope from which on ground takes no part.
-constexpr double kPoseSlope = 1;
-
 /// A shift, then a turn about the sensor, along the world's axes.
 using PoseError = Eigen::Matrix<double, 6, 1>;
 using PoseMatrix = Eigen::Matrix<double, 6, 6>;
@@ -61,9 +49,11 @@ class PoseFit {
       if (!meet()) return false;
       const PoseError by = solve();
       error_ += by;
-      if ((error_.cwiseAbs2() - 25 * prior_).maxCoeff() > kLostVariance) return false;
+      if ((error_.cwiseAbs2() - kLostPoseSigmas * kLostPoseSigmas * prior_).maxCoeff() >
+          kLostPoseVariance)
+        return false;
       turn_rays();
-      if (by.head<3>().norm() < kLastShiftM && by.tail<3>().norm() < kLastTurn) break;
+      if (by.head<3>().norm() < kLastPoseShiftM && by.tail<3>().norm() < kLastPoseTurn) break;
     }
     return true;
   }

@@ -15,8 +15,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr double kSamplesOfCell = 64;
-
 double square(double value) { return value * value; }
 
 }  // namespace

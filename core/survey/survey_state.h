@@ -29,6 +29,8 @@ inline constexpr double kScanUnitsPerM = 1e5, kScanLeversPerM = 1e3;
 /// Of a sensor: height, tilts, scale.
 inline constexpr int kOfSensor = 4;
 
+inline constexpr double kSamplesOfCell = 64;
+
 /// Sigmas of a sensor's height and tilts: of its mount, and of the poses of its scans.
 inline double height_sigma_m(const Sensor& sensor) {
   return std::hypot(sensor.mount_height_sigma_m, sensor.pose_shift_sigma_m);
