@@ -104,6 +104,35 @@ def test_the_sigma_of_the_swell_is_true(errors):
     assert 0.5 < errors[1] / errors[0] < 2, errors
 
 
+def test_a_heap_that_a_bucket_tipped_is_that_of_the_sites_soil():
+    """Its scans are of the engine's own ground, so they tell the swell and the angle given."""
+    profile = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, profile)], soil=SOIL)
+    site.scan(soilvdb.Sensor(name="nothing", position=(0, 0, 4)), np.zeros((0, 3)))
+    for y in (0, 1.5, -1.5, 0):
+        for x, to_y, z, pitch in [(-3, y, 0.5, 0.35), (-3, y, -0.4, 0.35), (-0.5, y, -0.4, 0.2),
+                                  (0, y, 0.4, -1.3), (0.5, y, 2.5, -1.5), (1, 7, 2.5, -1.5),
+                                  (1, 7, 2.5, 1.2), (1, 7, 3, 1.2)]:
+            site.update(0, position=(x, to_y, z),
+                        rotation=(0, math.sin(pitch / 2), 0, math.cos(pitch / 2)))
+    site.come_to_rest()
+    around = [(-3, 3.5), (4.5, 3.5), (4.5, 10.5), (-3, 10.5)]
+    put_m3 = site.volume(around).fill_m3
+    rng = np.random.default_rng(1)
+    x, y = np.meshgrid(np.linspace(-3, 4.5, 200), np.linspace(3.5, 10.5, 200))
+    for place in np.array([(1, 1.5, 4), (6, 9, 4), (-4, 9, 4)]):
+        ways = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1) - place
+        ways /= np.linalg.norm(ways, axis=1)[:, None]
+        ranges = site.cast(place, ways) + rng.normal(0, 0.01, len(ways))
+        site.scan(soilvdb.Sensor(name=str(place), position=place, range_sigma=0.01),
+                  place + ways * ranges[:, None], world=True)
+    site.apply_scans()
+    heap = site.heap(around)
+    assert heap.bank_m3[0] == pytest.approx(put_m3 / 1.25, rel=1e-3)
+    assert abs(heap.swell[0] - 0.25) < 2 * heap.swell[1] < 0.1
+    assert abs(heap.repose_angle[0] - 0.61) < 0.01
+
+
 def test_heaps_of_clones_and_restored_sites_are_the_same():
     site, *_ = scanned(7)
     heap = repr(site.heap(AROUND))
@@ -164,6 +193,28 @@ def test_the_sigma_of_a_cut_is_that_of_the_lip_over_the_floor():
         floor_m2 = 1.2 * length
         assert sigma == pytest.approx(0.02 * floor_m2, rel=0.2)  # walls and the errors of columns
     assert 0.5 < np.sqrt(np.mean(np.square(claimed)) / np.mean(np.square(off))) < 2
+
+
+def test_scans_of_the_true_trench_correct_the_cut():
+    rng = np.random.default_rng(6)
+    place = np.array([1.5, -3.0, 4.0])
+    to = np.stack(np.meshgrid(np.linspace(-1, 4, 300), np.linspace(-2, 2, 240)), -1).reshape(-1, 2)
+    ways = np.c_[to, np.zeros(len(to))] - place
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    mast = soilvdb.Sensor(name="mast", position=place, range_sigma=0.01)
+    truth = dig(0, 3)
+    ranges = truth.cast(place, ways)
+    true_m3 = truth.cut_m3()[0]
+    for lip in (-0.04, 0.03):
+        site = dig(lip, 3)
+        told_m3, told_sigma = site.cut_m3()
+        for _ in range(4):
+            noisy = ranges + rng.normal(0, 0.01, len(ranges))
+            site.scan(mast, place + ways * noisy[:, None], world=True)
+        site.apply_scans()
+        mean, sigma = site.cut_m3()
+        assert abs(mean - true_m3) < 0.4 * abs(told_m3 - true_m3)
+        assert sigma < told_sigma and abs(mean - true_m3) < 4 * sigma
 
 
 def test_cuts_of_several_machines_need_a_scan_before():
