@@ -177,18 +177,14 @@ void edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operatio
                             });
 }
 
-std::int64_t sum(const CellCounts& counts) {
+std::int64_t count(const SampleWords& words) {
+  CellCounts counts;
+  count_cells(words, counts);
   return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
-CellCounts counts_of(const SampleWords& words) {
-  CellCounts counts;
-  count_cells(words, counts);
-  return counts;
-}
-
 std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool is_loose,
-                 const ChunkCounts& of_chunk) {
+                 const ChunkReceiver& receiver) {
   const Stacks stacks(ground, changes, slope, true, false);
   const auto add_to = [](const SampleWords& more, Samples& to) {
     SampleWords words;
@@ -203,10 +199,8 @@ std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slo
        });
   std::int64_t added = 0;
   for (const Stacks::Chosen& c : stacks.chosen()) {
-    const CellCounts counts = counts_of(*c.words);
-    added += sum(counts);
-    if (of_chunk)
-      of_chunk(c.origin, is_loose ? CellCounts{} : counts, is_loose ? counts : CellCounts{});
+    added += count(*c.words);
+    if (receiver) receiver(c.origin, *c.words, is_loose);
   }
   return added;
 }
@@ -214,29 +208,29 @@ std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slo
 }  // namespace
 
 std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                       const ChunkCounts& added) {
+                       const ChunkReceiver& added) {
   return add(ground, changes, slope, true, added);
 }
 std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                      const ChunkCounts& added) {
+                      const ChunkReceiver& added) {
   return add(ground, changes, slope, false, added);
 }
 
 Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank,
-                 const ChunkCounts& removed) {
+                 const ChunkReceiver& removed) {
   const Stacks stacks(ground, changes, slope, false, bank);
   Taken taken;
   SampleWords loose;
   for (const Stacks::Chosen& c : stacks.chosen()) {
     ground.read_loose(c.origin, loose);
     for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= (*c.words)[n];
-    const CellCounts of_loose = counts_of(loose);
-    CellCounts of_bank = counts_of(*c.words);
-    for (std::size_t n = 0; n < of_bank.size(); ++n)
-      of_bank[n] = static_cast<std::uint8_t>(of_bank[n] - of_loose[n]);
-    taken.loose += sum(of_loose);
-    taken.bank += sum(of_bank);
-    if (removed) removed(c.origin, of_bank, of_loose);
+    const std::int64_t loose_samples = count(loose);
+    taken.loose += loose_samples;
+    taken.bank += count(*c.words) - loose_samples;
+    if (!removed) continue;
+    removed(c.origin, loose, true);
+    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] ^= (*c.words)[n];
+    removed(c.origin, loose, false);
   }
   const auto remove = [](const SampleWords& gone, Samples& from) {
     SampleWords words;

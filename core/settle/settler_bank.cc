@@ -3,7 +3,6 @@
 // Bank soil that becomes loose where it stands or hangs.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "core/constants.h"
 #include "core/lattice/chunk_math.h"
@@ -44,9 +43,9 @@ void Settler::break_overhangs(const Eigen::AlignedBox3d& around_m) {
         return tool->blocks(piece.cell.x(), piece.cell.y(), piece.high);
       };
       if (std::any_of(walls_.begin(), walls_.end(), holds)) continue;
-      constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();
-      falls.from.push_back({piece.cell, piece.low, piece.high, kEverySample, false, 0, 0});
-      falls.to.push_back({piece.cell, piece.ground, piece.high + kFillCells, 0, false, 0, 0});
+      falls.from.push_back(ColumnEdit::all(piece.cell, piece.low, piece.high));
+      falls.to.push_back(
+          {.cell = piece.cell, .low = piece.ground, .high = piece.high + kFillCells});
       falls.weights.push_back(static_cast<double>(piece.bank * units_.bank) /
                                   static_cast<double>(units_.loose) +
                               static_cast<double>(piece.loose));
@@ -116,10 +115,13 @@ std::optional<bool> Settler::fail_bank(Eigen::AlignedBox2i& feet, bool last) {
       const double rise = (c.bank - left) * (1 + properties_.swell) + c.top - c.bank;
       const int low = cell_of(left) - kFillCells;
       // Where a cut went through the column, what is left of it stands far above its mean.
-      wedge.from.push_back({cell, low, cell_of(c.surface), samples, false,
-                            static_cast<float>(found.slope.x()),
-                            static_cast<float>(found.slope.y())});
-      wedge.to.push_back({cell, low, cell_of(left + rise) + kFillCells, 0, false, 0, 0});
+      wedge.from.push_back({.cell = cell,
+                            .low = low,
+                            .high = cell_of(c.surface),
+                            .samples = samples,
+                            .a = static_cast<float>(found.slope.x()),
+                            .b = static_cast<float>(found.slope.y())});
+      wedge.to.push_back({.cell = cell, .low = low, .high = cell_of(left + rise) + kFillCells});
       wedge.weights.push_back(64 * rise);
       feet.extend(cell);
     }

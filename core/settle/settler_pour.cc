@@ -258,11 +258,13 @@ void Settler::raise(const Deposit& deposit, std::int64_t samples) {
     for (const RaisedColumn& c : cone.columns) {
       const Coord2 in(c.column / window_.columns.ny, c.column % window_.columns.ny);
       const Vec2 apex = c.from_m - in.cast<double>();
-      const Coord2 cell = window_.first + in;
-      changes.push_back({cell, window_.full[static_cast<std::size_t>(c.column)] + 1,
-                         cell_of(window_.zero + c.after_m) + kFillCells,
-                         share.next(c.after_m - c.before_m), true, static_cast<float>(apex.x()),
-                         static_cast<float>(apex.y())});
+      changes.push_back({.cell = window_.first + in,
+                         .low = window_.full[static_cast<std::size_t>(c.column)] + 1,
+                         .high = cell_of(window_.zero + c.after_m) + kFillCells,
+                         .samples = share.next(c.after_m - c.before_m),
+                         .cone = true,
+                         .a = static_cast<float>(apex.x()),
+                         .b = static_cast<float>(apex.y())});
     }
     put_in(changes);
   }

@@ -16,8 +16,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();
-
 double minmod(double a, double b) {
   if (a * b <= 0) return 0;
   return std::abs(a) < std::abs(b) ? a : b;
@@ -226,11 +224,12 @@ bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
       if (!c.known || (c.hangs == 0 && !stands) || blocked(cell)) continue;
       // Up to its own top: what hangs may be thicker than the gap.
       const int high = cell_of(c.surface);
-      if (c.hangs > 0)
-        from.push_back({cell, c.hangs_low, c.hangs_high, c.hangs, false, 0, 0});
-      else
-        from.push_back({cell, cell_of(c.top) + 1, high, kEverySample, false, 0, 0});
-      to.push_back({cell, (c.hangs > 0 ? c.bank_full : c.full) + 1, high, 0, false, 0, 0});
+      const bool hangs = c.hangs > 0;
+      from.push_back({.cell = cell,
+                      .low = hangs ? c.hangs_low : cell_of(c.top) + 1,
+                      .high = hangs ? c.hangs_high : high,
+                      .samples = hangs ? c.hangs : ColumnEdit::kAll});
+      to.push_back({.cell = cell, .low = (hangs ? c.bank_full : c.full) + 1, .high = high});
     }
   });
   std::int64_t mass = 0;
@@ -269,12 +268,15 @@ bool Settler::move(double zero) {
           std::clamp(minmod(rises_to(next), -rises_to(last)), -slope_, slope_));
     };
     const bool falls = rise < 0;
-    const int low = (falls ? column.bank_full : column.full) + 1;
-    const int high = falls ? cell_of(column.surface) : cell_of(now + zero) + kFillCells;
     const std::int64_t samples = falls ? lost.next(-rise) : 0;
     if (falls && samples == 0) continue;
     (falls ? lowered : raised)
-        .push_back({cell, low, high, samples, false, slope(1, 0), slope(0, 1)});
+        .push_back({.cell = cell,
+                    .low = (falls ? column.bank_full : column.full) + 1,
+                    .high = falls ? cell_of(column.surface) : cell_of(now + zero) + kFillCells,
+                    .samples = samples,
+                    .a = slope(1, 0),
+                    .b = slope(0, 1)});
     if (falls) continue;
     rises.push_back(rise);
     all_rises += rise;

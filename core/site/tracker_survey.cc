@@ -116,26 +116,28 @@ class SurveyedTile {
     const Coord2 cell = place_of(c);
     const int highest = std::max(cell_of(column.surface), cell_of(column.top));
     if (above.gap <= above.high) {
-      roofs.push_back(
-          {cell, above.gap, highest, std::numeric_limits<std::int64_t>::max(), false, 0, 0});
+      roofs.push_back(ColumnEdit::all(cell, above.gap, highest));
       return;
     }
     const float a = slope_of(c, {1, 0}), b = slope_of(c, {0, 1});
     const int room = correction_room(a, b), at = cell_of(wanted_of(c) / 64.0);
-    if (change < 0)
-      lowered.push_back({cell, at - room, highest, -change, false, a, b});
-    else  // a cave below is left as it is
-      raised.push_back(
-          {cell, std::min(column.full + 1, at), std::max(highest, at) + room, change, false, a, b});
+    const bool falls = change < 0;  // a cave below what rises is left as it is
+    (falls ? lowered : raised)
+        .push_back({.cell = cell,
+                    .low = falls ? at - room : std::min(column.full + 1, at),
+                    .high = falls ? highest : std::max(highest, at) + room,
+                    .samples = std::abs(change),
+                    .a = a,
+                    .b = b});
   }
 
   const SurveyHeights& survey_;
   Coord2 cell_;
 };
 
-ChunkCounts counts_to(SurveyedSamples& samples, int sign) {
-  return [&samples, sign](const Coord3& chunk, const CellCounts& bank, const CellCounts& loose) {
-    samples.add(chunk, bank, loose, sign);
+ChunkReceiver booked_to(SurveyedSamples& samples, int sign) {
+  return [&samples, sign](const Coord3& chunk, const SampleWords& words, bool loose) {
+    samples.add(chunk, words, loose, sign);
   };
 }
 
@@ -154,9 +156,12 @@ void Tracker::correct(std::span<const SurveyChange> changes) {
     const double after = change.top + static_cast<double>(change.samples) / 64;
     const int room = correction_room(a, b);
     (change.samples < 0 ? lowered : raised)
-        .push_back({change.cell, cell_of(std::min(change.top, after)) - room,
-                    cell_of(std::max(change.top, after)) + room, std::abs(change.samples), false, a,
-                    b});
+        .push_back({.cell = change.cell,
+                    .low = cell_of(std::min(change.top, after)) - room,
+                    .high = cell_of(std::max(change.top, after)) + room,
+                    .samples = std::abs(change.samples),
+                    .a = a,
+                    .b = b});
   }
   lower(lowered);
   raise(raised);
@@ -213,7 +218,7 @@ SurveyedSamples& Tracker::own_samples() {
 void Tracker::lower(std::span<const ColumnEdit> edits) {
   if (edits.empty()) return;
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
-  const Taken taken = remove_top(ground_, edits, 0, true, counts_to(own_samples(), -1));
+  const Taken taken = remove_top(ground_, edits, 0, true, booked_to(own_samples(), -1));
   surveyed_.removed += taken.bank + taken.loose;
   surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
 }
@@ -222,7 +227,7 @@ void Tracker::raise(std::span<const ColumnEdit> edits) {
   if (edits.empty()) return;
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
   const std::int64_t added =
-      (moves_soil() ? add_loose : add_bank)(ground_, edits, 0, counts_to(own_samples(), 1));
+      (moves_soil() ? add_loose : add_bank)(ground_, edits, 0, booked_to(own_samples(), 1));
   surveyed_.added += added;
   surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <map>
 #include <stdexcept>
@@ -13,7 +14,6 @@
 
 #include "core/ground/base_columns.h"
 #include "core/lattice/bytes.h"
-#include "core/lattice/cell_counts.h"
 #include "core/lattice/chunk_math.h"
 
 namespace soilvdb::inline v0 {
@@ -25,13 +25,12 @@ class SurveyedSamples {
     std::int32_t bank = 0, loose = 0;
   };
 
-  /// Adds those of a chunk's cells. @param sign -1: they were removed
-  void add(const Coord3& chunk, const CellCounts& bank, const CellCounts& loose, int sign) {
+  /// Adds bank or loose samples of a chunk. @param sign -1: they were removed
+  void add(const Coord3& chunk, const SampleWords& samples, bool loose, int sign) {
     Tile& tile = tiles_[{chunk.x(), chunk.y()}];
-    for (std::size_t n = 0; n < bank.size(); ++n) {
+    for (std::size_t n = 0; n < samples.size(); ++n) {
       Column& column = tile[n / kChunkSide];
-      column.bank += sign * bank[n];
-      column.loose += sign * loose[n];
+      (loose ? column.loose : column.bank) += sign * std::popcount(samples[n]);
     }
   }
   Column at(const Coord2& column) const {

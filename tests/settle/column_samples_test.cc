@@ -106,13 +106,13 @@ std::vector<ColumnEdit> random_changes(std::mt19937_64& random, int most) {
       const int high = low + 5 + static_cast<int>(random() % 30);
       const auto samples = static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(most));
       const auto wanted = random() % 8 == 0 ? 0 : samples;
-      changes.push_back({{x, y},
-                         low,
-                         high,
-                         wanted,
-                         cone,
-                         cone ? ax - static_cast<float>(x) : a,
-                         cone ? ay - static_cast<float>(y) : b});
+      changes.push_back({.cell = {x, y},
+                         .low = low,
+                         .high = high,
+                         .samples = wanted,
+                         .cone = cone,
+                         .a = cone ? ax - static_cast<float>(x) : a,
+                         .b = cone ? ay - static_cast<float>(y) : b});
     }
   }
   return changes;

@@ -140,8 +140,11 @@ struct Roof {
     std::vector<ColumnEdit> heap, below;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
-        heap.push_back({{x, y}, 0, gap + thickness - 1, 64 * (gap + thickness), false, 0, 0});
-        below.push_back({{x, y}, 0, gap - 1, 64 * gap, false, 0, 0});
+        heap.push_back({.cell = {x, y},
+                        .low = 0,
+                        .high = gap + thickness - 1,
+                        .samples = 64 * (gap + thickness)});
+        below.push_back({.cell = {x, y}, .low = 0, .high = gap - 1, .samples = 64 * gap});
       }
     }
     add_loose(ground, heap, kSlope);
@@ -198,7 +201,8 @@ TEST(SoilAtRest, SoilThatACutLeftStandingInAPartOfItsColumnFallsWithinIt) {
   std::vector<ColumnEdit> around;
   for (int x = -1; x <= 1; ++x)
     for (int y = -1; y <= 1; ++y)
-      if (x != 0 || y != 0) around.push_back({{x, y}, 0, 8, 64 * 3, false, 0, 0});
+      if (x != 0 || y != 0)
+        around.push_back({.cell = {x, y}, .low = 0, .high = 8, .samples = 64 * 3});
   add_loose(ground, around, kSlope);
   Settler settler(ground, *loam().soil, {});
   const std::int64_t samples = loose_samples(ground);
@@ -283,12 +287,10 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> hollow, slot;
-    constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
-        hollow.push_back({{x, y}, -4 - depth, -5, kAll, false, 0, 0});
-        if (std::max(std::abs(x), std::abs(y)) == 6)
-          slot.push_back({{x, y}, -4, 0, kAll, false, 0, 0});
+        hollow.push_back(ColumnEdit::all({x, y}, -4 - depth, -5));
+        if (std::max(std::abs(x), std::abs(y)) == 6) slot.push_back(ColumnEdit::all({x, y}, -4, 0));
       }
     }
     remove_top(ground, hollow, kSlope, true);
@@ -313,13 +315,12 @@ TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> cut;
-    constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -4; x <= 4; ++x) {
       for (int y = -4; y <= 4; ++y) {
         const bool slot = std::max(std::abs(x), std::abs(y)) == 4;
         // On one side there is no slot, and the ground is as it was.
         if (x * dx + y * dy == 4) continue;
-        cut.push_back({{x, y}, -8, slot ? 0 : -5, kAll, false, 0, 0});
+        cut.push_back(ColumnEdit::all({x, y}, -8, slot ? 0 : -5));
       }
     }
     remove_top(ground, cut, kSlope, true);
@@ -337,11 +338,10 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> cut;
-    constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
         const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
-        cut.push_back({{x, y}, -7, slot ? 0 : -4, kAll, false, 0, 0});
+        cut.push_back(ColumnEdit::all({x, y}, -7, slot ? 0 : -4));
       }
     }
     remove_top(ground, cut, kSlope, true);
@@ -362,12 +362,11 @@ TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> above, below;
-    constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
         const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
-        if (!slot) above.push_back({{x, y}, z + 1, 0, kAll, false, 0, 0});
-        below.push_back({{x, y}, -30, slot ? 0 : z - 1, kAll, false, 0, 0});
+        if (!slot) above.push_back(ColumnEdit::all({x, y}, z + 1, 0));
+        below.push_back(ColumnEdit::all({x, y}, -30, slot ? 0 : z - 1));
       }
     }
     remove_top(ground, below, kSlope, true);

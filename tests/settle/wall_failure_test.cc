@@ -349,7 +349,7 @@ void hollow(Ground& ground, const Coord3& low, const Coord3& high) {
   std::vector<ColumnEdit> out;
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
-      out.push_back({{x, y}, low.z(), high.z(), 64 * 1000, false, 0, 0});
+      out.push_back(ColumnEdit::all({x, y}, low.z(), high.z()));
   remove_top(ground, out, kSlope, true);
 }
 
