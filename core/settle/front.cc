@@ -64,20 +64,20 @@ void FrontFinder::begin(const Source& source, Front& front) {
   }
   front_->anchors[static_cast<std::size_t>(add_anchor(source.at, 0))].along = source.along;
   // Soil that falls on a column spreads from it even where its middle is higher than the soil.
-  const auto land = [&](int column) {
+  const auto spread = [&](int column) {
     if (labelled(column)) return;
     reach(column, anchor(0).distance_to(middle(column / columns_->ny, column % columns_->ny)), 0);
   };
   std::vector<int>& columns = under_source_;
   columns.assign(1, source.column);
-  land(source.column);
+  spread(source.column);
   const int steps = static_cast<int>(std::ceil(source.along.norm() / kSourceStep));
   for (int i = 0; i <= steps && steps > 0; ++i) {
     const Vec2 at = source.at + source.along * (static_cast<double>(i) / steps);
     const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
     if (!columns_->open(x, y)) continue;
     if (columns_->index(x, y) != columns.back()) columns.push_back(columns_->index(x, y));
-    land(columns.back());
+    spread(columns.back());
   }
   for (const int column : columns) expand(column);
 }

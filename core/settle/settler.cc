@@ -43,23 +43,23 @@ Settler::Settler(Ground& ground, const Settler& other)
       overhang_strength_(other.overhang_strength_),
       totals_(other.totals_),
       columns_(ground, other.columns_),
-      changed_(other.changed_),
+      changes_to_take_(other.changes_to_take_),
       flux_(slope_ + kRestSlopeMargin, 1 + properties_.swell) {}
 
 /// To be called before columns are looked at.
 void Settler::refresh() {
   for (const Coord2& tile : columns_.take_changes())
-    if (columns_.reaches(tile)) changed_.add(tile);
+    if (columns_.reaches(tile)) changes_to_take_.add(tile);
 }
 
 void Settler::forget_changes() {
   columns_.take_changes();
-  changed_.clear();
+  changes_to_take_.clear();
 }
 
 bool Settler::has_changes() {
   refresh();
-  return !changed_.empty();
+  return !changes_to_take_.empty();
 }
 
 /// Reads window_ anew.
@@ -88,10 +88,10 @@ void Settler::look_at(const Coord2& first, const Coord2& size) {
   });
 }
 
-void Settler::take_changes(TileSet& changed) {
+void Settler::take_changes(TileSet& may_slide) {
   refresh();
-  changed_.each([&](const Coord2& tile) { changed.add(tile); });
-  changed_.clear();
+  changes_to_take_.each([&](const Coord2& tile) { may_slide.add(tile); });
+  changes_to_take_.clear();
 }
 
 /// Takes samples out of columns, which are then pending. @return their mass
@@ -155,16 +155,16 @@ bool Settler::fail(Eigen::AlignedBox3d& around_m) {
   return false;
 }
 
-bool Settler::settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& unrest) {
+bool Settler::settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& may_slide) {
   for (int round = 0; round < kMaxRestRounds; ++round) {
     break_overhangs(around_m);
     bool stands = !bank_fails || fail(around_m);
     for (int failures = 1; !stands && failures < kMaxBankFailures; ++failures) {
-      slide(unrest, kMaxFluxSteps);
+      slide(may_slide, kMaxFluxSteps);
       stands = fail(around_m);
     }
     const std::int64_t moved = totals_.moved();
-    if (slide(unrest, kMaxFluxSteps) && stands) return true;
+    if (slide(may_slide, kMaxFluxSteps) && stands) return true;
     // What the solver can't bring to rest stays.
     if (stands && totals_.moved() == moved) return true;
   }

@@ -66,7 +66,7 @@ class Settler {
   /// OutOfReach where soil would move farther. Other threads may then change the ground elsewhere.
   /// @param cells empty: all
   void confine(const Eigen::AlignedBox2i& cells) { columns_.confine(cells); }
-  /// What changed is no unrest of its own.
+  /// What changed was the work of others: nothing may slide here because of it.
   void forget_changes();
   bool has_changes();
 
@@ -87,14 +87,14 @@ class Settler {
   bool fail(Eigen::AlignedBox3d& around_m);
   /// Loose soil that is too steep slides, for some steps of the solver: in and around tiles, which
   /// then are those where some may still be too steep. @return whether all is at rest
-  bool slide(TileSet& unrest, int steps);
+  bool slide(TileSet& may_slide, int steps);
   /// These in turn until all is at rest. @return whether it is
-  bool settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& unrest);
-  /// Tiles in which the ground changed since the last call, or since forget_changes().
-  void take_changes(TileSet& changed);
+  bool settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& may_slide);
+  /// Adds the tiles in which the ground changed since the last call, or since forget_changes().
+  void take_changes(TileSet& may_slide);
 
   void save(std::string& out) const;
-  /// Goes on with a state. What changed before then is no unrest.
+  /// Goes on with a state. Nothing may slide because of what changed before then.
   void restore(const SettleTotals& totals);
 
  private:
@@ -119,13 +119,13 @@ class Settler {
   void put_in(std::span<const ColumnEdit> changes);
   void lose_off_terrain(double samples);
   int heap_radius(const Vec2& at);
-  void land(const Line& from_m, Vec2 ahead, std::int64_t mass);
-  bool come_down(Vec2 at, Vec2 along, const Vec2& ahead);
+  void pour_line(const Line& from_m, Vec2 ahead, std::int64_t mass);
+  bool pour_pending(Vec2 at, Vec2 along, const Vec2& ahead);
   void run_down(Vec2& at, int radius);
   enum class Poured { kLies, kRunsDown, kRunsOn, kNeedsRoom, kNowhere };
-  Poured pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool has_run,
-              bool may_run_on);
-  void raise(const Deposit& deposit, std::int64_t samples);
+  Poured pour_in_window(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool has_run,
+                        bool may_run_on);
+  void apply_deposit(const Deposit& deposit, std::int64_t samples);
   Eigen::AlignedBox3i cells_of(const Eigen::AlignedBox3d& box_m) const;
   bool fail_banks(Eigen::AlignedBox2i& changed);
   std::optional<bool> fail_bank(Eigen::AlignedBox2i& feet, bool last);
@@ -133,7 +133,7 @@ class Settler {
   bool fall(const TileSet& tiles, BlockedColumns& blocked);
   TileSet steep_tiles(const TileSet& changed, BlockedColumns& blocked);
   bool slide_from(std::span<const Coord2> tiles, BlockedColumns& blocked, int steps);
-  bool move(double zero);
+  bool apply_slide(double zero);
 
   Ground& ground_;
   SoilProperties properties_;
@@ -144,7 +144,7 @@ class Settler {
   OverhangStrength overhang_strength_;    // used with strength_
   SettleTotals totals_;
   GroundColumns columns_;
-  TileSet changed_;                     // since they were taken
+  TileSet changes_to_take_;             // tiles in which the ground changed
   std::vector<const Obstacle*> walls_;  // of machines
   Window window_;                       // the last one; keeps its memory
   Pourer pourer_;

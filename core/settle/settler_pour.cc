@@ -104,31 +104,31 @@ void Settler::drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, dou
     if (std::any_of(hoppers_.begin(), hoppers_.end(), takes))
       totals_.hauled += part;
     else
-      land({at(ends[i]), at(ends[i + 1])}, ahead, part);
+      pour_line({at(ends[i]), at(ends[i + 1])}, ahead, part);
   }
 }
 
-/// Soil comes down along a line: as a ridge where it can lie, else as a few heaps.
-void Settler::land(const Line& from_m, Vec2 ahead, std::int64_t mass) {
+/// Pours along a line: a ridge where soil can lie so, else a few heaps.
+void Settler::pour_line(const Line& from_m, Vec2 ahead, std::int64_t mass) {
   if (ahead != Vec2::Zero()) ahead.normalize();
   const Vec2 from = ground_.index_from_world(from_m[0]).head<2>();
   const Vec2 along = ground_.index_from_world(from_m[1]).head<2>() - from;
   const double length = along.norm();
   if (length > kMinLineCells && totals_.pending + mass >= units_.loose) {
     totals_.pending += mass;
-    if (come_down(from, along, ahead)) return;
+    if (pour_pending(from, along, ahead)) return;
     totals_.pending -= mass;
   }
   const int heaps =
       std::clamp(static_cast<int>(std::ceil(length / kLineHeapCells)), 1, kMaxLineHeaps);
   for (int i = 0; i < heaps; ++i) {
     totals_.pending += mass * (i + 1) / heaps - mass * i / heaps;
-    come_down(from + (i + 0.5) / heaps * along, Vec2::Zero(), ahead);
+    pour_pending(from + (i + 0.5) / heaps * along, Vec2::Zero(), ahead);
   }
 }
 
-/// Lets what is pending fall at a place, or along a line. @return false if it can't lie there
-bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
+/// Pours what is pending at a place, or along a line. @return false if it can't lie there
+bool Settler::pour_pending(Vec2 at, Vec2 along, const Vec2& ahead) {
   const std::int64_t samples = totals_.pending / units_.loose;
   if (samples == 0) return true;
   constexpr int kMaxHalf = kMaxWindowCells / 2;
@@ -142,7 +142,7 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
   for (int windows = 0; windows < kMaxPourWindows; ++windows) {
     if (totals_.pending < units_.loose) return true;
     const Vec2 before = at;
-    switch (pour(at, along, ahead, std::min(half, kMaxHalf), has_run, half >= wide)) {
+    switch (pour_in_window(at, along, ahead, std::min(half, kMaxHalf), has_run, half >= wide)) {
       case Poured::kNowhere:
         return false;
       case Poured::kNeedsRoom:
@@ -160,7 +160,7 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
         half = wide;
     }
   }
-  pour(at, along, ahead, kMaxHalf, true, false);  // it lies at the border
+  pour_in_window(at, along, ahead, kMaxHalf, true, false);  // it lies at the border
   return true;
 }
 
@@ -205,10 +205,10 @@ int Settler::heap_radius(const Vec2& at) {
   return std::min(kMaxWindowCells, static_cast<int>((column.top - column.bank) / slope_));
 }
 
-/// Pours what is in flight within a window. @param at where soil falls, index space; then where it
+/// Pours what is pending within a window. @param at where soil falls, index space; then where it
 /// runs on beyond the window, if it may. @param has_run it is at the foot of what it runs down
-Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half,
-                              bool has_run, bool may_run_on) {
+Settler::Poured Settler::pour_in_window(Vec2& at, const Vec2& along, const Vec2& ahead, int half,
+                                        bool has_run, bool may_run_on) {
   const std::int64_t samples = totals_.pending / units_.loose;
   const Vec2 centre = at + along / 2;
   const Coord2 first = floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
@@ -230,7 +230,7 @@ Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, in
   const bool runs_on = deposit.exit_m.has_value();
   if (!last && deposit_at_border(deposit, ground)) return Poured::kNeedsRoom;
   if (!last && !runs_on && deposit.left_m3 > 0) return Poured::kNeedsRoom;
-  raise(deposit, samples);
+  apply_deposit(deposit, samples);
   if (!runs_on) {
     lose_off_terrain(64 * deposit.left_m3);
     return Poured::kLies;
@@ -248,7 +248,7 @@ void Settler::lose_off_terrain(double samples) {
 }
 
 /// Makes what was poured in window_ samples.
-void Settler::raise(const Deposit& deposit, std::int64_t samples) {
+void Settler::apply_deposit(const Deposit& deposit, std::int64_t samples) {
   double whole = deposit.left_m3;
   for (const Cone& cone : deposit.cones) whole += cone.volume_m3;
   WholeSamples share(static_cast<double>(samples) / whole);

@@ -152,21 +152,21 @@ double least_change(std::span<const FluxGrid::Change> changes) {
 
 }  // namespace
 
-bool Settler::slide(TileSet& unrest, int steps) {
-  take_changes(unrest);
+bool Settler::slide(TileSet& may_slide, int steps) {
+  take_changes(may_slide);
   BlockedColumns walls = blocked();
-  for (int pieces = 0; pieces < kMaxRestRounds && fall(unrest, walls); ++pieces) {
-    take_changes(unrest);
+  for (int pieces = 0; pieces < kMaxRestRounds && fall(may_slide, walls); ++pieces) {
+    take_changes(may_slide);
     walls = blocked();
   }
-  const TileSet steep = steep_tiles(unrest, walls);
-  unrest.clear();
+  const TileSet steep = steep_tiles(may_slide, walls);
+  may_slide.clear();
   for (const std::vector<Coord2>& group : steep_groups(steep)) {
     if (slide_from(group, walls, steps)) continue;
-    for (const Coord2& tile : group) unrest.add(tile);
+    for (const Coord2& tile : group) may_slide.add(tile);
   }
-  take_changes(unrest);
-  return unrest.empty();
+  take_changes(may_slide);
+  return may_slide.empty();
 }
 
 /// The tiles in which or beside which loose soil is too steep, of those that changed and those
@@ -207,7 +207,7 @@ bool Settler::slide_from(std::span<const Coord2> tiles, BlockedColumns& blocked,
   });
   for (const Coord2& tile : tiles) flux_.activate(tile / kChunkSide);
   const int done = flux_.relax(steps);
-  return done == 0 || !move(zero) || done < steps;
+  return done == 0 || !apply_slide(zero) || done < steps;
 }
 
 /// Loose soil falls within its column: what nothing is under, and what stands beside air because a
@@ -245,7 +245,7 @@ bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
 
 /// Makes what slid samples. @param zero height that the solver's are above
 /// @return whether it was more than heights err by
-bool Settler::move(double zero) {
+bool Settler::apply_slide(double zero) {
   std::vector<ColumnEdit> lowered, raised;
   std::vector<double> rises;
   double all_rises = 0;

@@ -41,10 +41,10 @@ Update Machine::move(Ground& ground, const Pose& to) {
   const bool turns = placed_ && to.rotation.coeffs() != current_.rotation.coeffs();
   constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
   if (settler_ != nullptr && placed_) {
-    if (travel_m(current_, to) == 0) stop(ground, kNoTime, Rest::kStands);
-    for (const Pose& station : stations(ground, to)) {
+    if (travel_m(current_, to) == 0) pass_station(ground, kNoTime, Rest::kAll);
+    for (const Pose& station : stations_to(ground, to)) {
       follow(ground, plan(ground, station), kNoTime);
-      stop(ground, kNoTime, Rest::kSlides);
+      pass_station(ground, kNoTime, Rest::kSome);
     }
   }
   follow(ground, plan(ground, to), kNoTime);
@@ -61,15 +61,15 @@ Update Machine::move(Ground& ground, const Motion& motion, double begin_s, doubl
   const std::int64_t slid_before = begin_update();
   double from_s = begin_s;
   if (settler_ != nullptr) {
-    for (const auto& [time_s, kind, ticks] : stops(ground, motion, begin_s, end_s)) {
+    for (const auto& [time_s, kind, ticks] : events(ground, motion, begin_s, end_s)) {
       pass_rows(motion, from_s, time_s);
       follow(ground, plan(ground, motion, from_s, time_s), time_s);
-      if (kind == Stop::Kind::kTurn)
+      if (kind == Event::Kind::kTurn)
         pass_turn(ground, time_s);
-      else if (kind == Stop::Kind::kTick)
+      else if (kind == Event::Kind::kTick)
         pass_tick(ground, time_s, ticks);
       else
-        stop(ground, time_s, kind == Stop::Kind::kStandstill ? Rest::kStands : Rest::kSlides);
+        pass_station(ground, time_s, kind == Event::Kind::kStandstill ? Rest::kAll : Rest::kSome);
       from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);
@@ -89,16 +89,16 @@ std::string Machine::misplaced(const Ground& ground, const Pose& at) const {
 Update Machine::place(Ground& ground, const Pose& at, double time_s) {
   const Ledger before = ledger_;
   const std::int64_t slid_before = begin_update();
-  if (settler_ != nullptr) stop(ground, time_s, Rest::kEnds);
+  if (settler_ != nullptr) pass_station(ground, time_s, Rest::kEnd);
   const Pose here[] = {at};
   placed_ = true;
-  current_ = station_ = at;
-  travel_m_ = 0;
-  stands_ = {};
+  current_ = last_station_ = at;
+  since_station_m_ = 0;
+  standing_ = {};
   swept_box_ = box_around(here);
   const bool dumps = bucket_.dump_angle_rad && mouth_dip(at) >= *bucket_.dump_angle_rad;
   if (dumps && ledger_.load > 0) dump(ground, at, time_s);
-  if (settler_ != nullptr) stop(ground, time_s, Rest::kEnds);
+  if (settler_ != nullptr) pass_station(ground, time_s, Rest::kEnd);
   end_update();
   return since(before, slid_before);
 }
@@ -113,7 +113,7 @@ void Machine::approach(const Ground& ground, bool digs) {
 
 void Machine::require_ground(const Ground& ground, const Pose& to) {
   if (settler_ != nullptr && placed_)
-    for (const Pose& station : stations(ground, to)) approach(ground, plan(ground, station));
+    for (const Pose& station : stations_to(ground, to)) approach(ground, plan(ground, station));
   approach(ground, plan(ground, to));
 }
 
@@ -121,9 +121,9 @@ void Machine::require_ground(const Ground& ground, const Motion& motion, double 
                              double end_s) {
   double from_s = begin_s;
   if (settler_ != nullptr) {
-    for (const Stop& stop : stops(ground, motion, begin_s, end_s)) {
-      approach(ground, plan(ground, motion, from_s, stop.time_s));
-      from_s = stop.time_s;
+    for (const Event& event : events(ground, motion, begin_s, end_s)) {
+      approach(ground, plan(ground, motion, from_s, event.time_s));
+      from_s = event.time_s;
     }
   }
   approach(ground, plan(ground, motion, from_s, end_s));
@@ -146,7 +146,7 @@ void Machine::follow(Ground& ground, bool digs, double time_s) {
   if (digs && !placed_) {
     excavator_.require_ground(ground, std::span(path_).first(1));
     book(excavator_.stamp(ground, path_.front()));
-    current_ = station_ = path_.front();
+    current_ = last_station_ = path_.front();
     swept_box_ = box_around(std::span(path_).first(1));
     placed_ = true;
   }
@@ -244,13 +244,13 @@ Eigen::AlignedBox3d Machine::workspace(const Ground& ground, std::span<const Pos
   // The bucket, arcs between poses, and the rest of a chunk.
   Vec3 wide = Vec3::Constant(2 * radius_m_ / ground.voxel_size_m() + 2 * kChunkSide);
   if (settler_ != nullptr) {
-    if (tipped_) add(*tipped_);
+    if (spilled_from_) add(*spilled_from_);
     for (const Eigen::AlignedBox3d* changed : {&swept_box_, &unsettled_box_, &propped_box_}) {
       if (changed->isEmpty()) continue;
       box.extend(ground.index_from_world(changed->min()));
       box.extend(ground.index_from_world(changed->max()));
     }
-    unrest_.each([&](const Coord2& tile) {
+    may_slide_.each([&](const Coord2& tile) {
       box.extend(Vec3(tile.x(), tile.y(), box.min().z()));
       box.extend(Vec3(tile.x() + kChunkSide, tile.y() + kChunkSide, box.min().z()));
     });

@@ -45,8 +45,8 @@ class Machine {
   /// @throw NoGroundError if move() would
   void require_ground(const Ground& ground, const Pose& to);
   void require_ground(const Ground& ground, const Motion& motion, double begin_s, double end_s);
-  /// Since when a bucket has been about where it was, and the ticks since then.
-  struct Stand {
+  /// Since when a bucket has stayed about where it was, and the ticks since then.
+  struct Standing {
     Pose at;
     double since_s = std::numeric_limits<double>::infinity();
     std::int64_t ticks = 0;
@@ -54,25 +54,27 @@ class Machine {
   struct KinematicState {
     bool placed = false;
     Pose current;
-    double travel_m = 0;
-    Stand stands;
+    double since_station_m = 0;
+    Standing standing;
   };
-  KinematicState kinematic_state() const { return {placed_, current_, travel_m_, stands_}; }
+  KinematicState kinematic_state() const {
+    return {placed_, current_, since_station_m_, standing_};
+  }
   void restore(const KinematicState& state) {
     placed_ = state.placed;
     current_ = state.current;
-    travel_m_ = state.travel_m;
-    stands_ = state.stands;
+    since_station_m_ = state.since_station_m;
+    standing_ = state.standing;
   }
   /// Brings pushed soil, excess load and soil left behind to rest. Cuts may fail here in any case;
   /// during work they fail only with the bucket out of the ground, because it props them.
   void come_to_rest(Ground& ground, double time_s) {
     begin_update();
-    stop(ground, time_s, Rest::kEnds);
+    pass_station(ground, time_s, Rest::kEnd);
   }
-  /// Soil that was pushed or let go and has not landed, and what goes on before the mouth, units of
-  /// mass.
-  std::int64_t pending() const { return pushed_ + falling_ + heaped_; }
+  /// Soil that was pushed or spilled and has not dropped, and what goes on before the mouth, units
+  /// of mass.
+  std::int64_t pending() const { return pushed_ + in_flight_ + heaped_; }
 
   /// A box in index space: moves along these poses change nothing outside it. Of soil that moves
   /// it has what may begin to, and most of where it may go.
@@ -91,36 +93,38 @@ class Machine {
   bool plan(const Ground& ground, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Ground& ground, std::span<const Pose> path, double bend_m) const;
   void approach(const Ground& ground, bool digs);
-  std::vector<Pose> stations(const Ground& ground, const Pose& to);
+  std::vector<Pose> stations_to(const Ground& ground, const Pose& to);
   void follow(Ground& ground, bool digs, double time_s);
   void dig(Ground& ground, double time_s);
   void book(const Cut& cut);
   void dump(const Ground& ground, const Pose& at, double time_s);
   Update since(const Ledger& before, std::int64_t slid_before) const;
-  /// How much of the soil's way to rest it goes at a stop.
-  enum class Rest { kSlides, kStands, kEnds };
-  void stop(Ground& ground, double time_s, Rest rest);
+  /// How much of its way to rest soil goes at a station. At the end cuts fail in any case.
+  enum class Rest { kSome, kAll, kEnd };
+  void pass_station(Ground& ground, double time_s, Rest rest);
   void fail();
   void set_wall(const Ground& ground, const Pose& at);
   std::int64_t surplus();
-  void let_go();
-  void tip(double time_s);
+  void spill();
+  void spill_here(double time_s);
   std::int64_t begin_update();
   void end_update();
   double held_m() const;
   void pass_turn(Ground& ground, double time_s);
   void pass_tick(Ground& ground, double time_s, int ticks);
-  bool lands(const Ground& ground) const;
-  void land(const Ground& ground, double time_s, bool all);
+  bool drops_now(const Ground& ground) const;
+  void drop(const Ground& ground, double time_s, bool all);
   double travel_m(const Pose& from, const Pose& to) const;
-  struct Stop {
+  /// Where soil moves along a motion.
+  struct Event {
     double time_s;
     enum class Kind { kStation, kStandstill, kTurn, kTick } kind;
     int ticks = 0;
   };
-  std::vector<Stop> stops(const Ground& ground, const Motion& motion, double begin_s, double end_s);
+  std::vector<Event> events(const Ground& ground, const Motion& motion, double begin_s,
+                            double end_s);
   void pass_rows(const Motion& motion, double begin_s, double end_s);
-  double station_travel_m(const Ground& ground) const;
+  double station_spacing_m(const Ground& ground) const;
   Settler::Line spill_line(const Ground& ground, const Pose& at) const;
   Vec2 push_way(const Pose& at) const;
   Settler::Line push_line(const Pose& at, const Vec2& way) const;
@@ -138,22 +142,22 @@ class Machine {
   // For moving soil.
   Settler* settler_;
   std::optional<Capacity> capacity_;
-  double travel_m_ = 0;                // from the last station to the last row or pose
-  Stand stands_;                       // at the last row
-  Pose station_;                       // the last one
-  Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since then, at stations and rows
-  std::int64_t cut_before_ = 0;        // samples, up to the last station
-  std::int32_t stations_ = 0;          // since overhangs were looked for
-  std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass
-  std::int64_t falling_ = 0;           // let go and not landed, units of mass
-  std::int64_t heaped_ = 0;            // before the mouth, more than it holds, units of mass
-  std::optional<Pose> tipped_;         // of the bucket when what falls began to
-  double tipped_s_ = 0;                // at that time
-  TileSet unrest_;                     // where loose soil may be too steep
-  std::optional<Pose> wall_;           // of the bucket when it became a wall to soil
-  Obstacle obstacle_;                  // the same as columns
-  Eigen::AlignedBox3d unsettled_box_;  // where soil may hang
-  Eigen::AlignedBox3d propped_box_;    // where bank may stand too steep once the bucket has left
+  double since_station_m_ = 0;  // travel from the last station to the last row or pose
+  Standing standing_;           // at the last row
+  Pose last_station_;
+  Eigen::AlignedBox3d swept_box_;         // of the bucket in plan since it, at stations and rows
+  std::int64_t cut_before_ = 0;           // samples, up to the last station
+  std::int32_t stations_since_fail_ = 0;  // since what hangs was looked for
+  std::int64_t pushed_ = 0;               // by the body since the last station, units of mass
+  std::int64_t in_flight_ = 0;            // spilled and not dropped, units of mass
+  std::int64_t heaped_ = 0;               // before the mouth, more than it holds, units of mass
+  std::optional<Pose> spilled_from_;      // of the bucket, when in_flight_ began
+  double spilled_s_ = 0;                  // then
+  TileSet may_slide_;                     // where loose soil may be too steep
+  std::optional<Pose> wall_;              // of the bucket when it became a wall to soil
+  Obstacle obstacle_;                     // the same as columns
+  Eigen::AlignedBox3d unsettled_box_;     // where soil may hang
+  Eigen::AlignedBox3d propped_box_;       // where bank may be too steep once the bucket has left
 };
 
 }  // namespace soilvdb::inline v0

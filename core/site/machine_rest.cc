@@ -23,7 +23,7 @@ double apart_m(const Settler::Line& a, const Settler::Line& b) {
 
 }  // namespace
 
-double Machine::station_travel_m(const Ground& ground) const {
+double Machine::station_spacing_m(const Ground& ground) const {
   return std::max(kMinStationVoxels * ground.voxel_size_m(), kStationRadiusShare * radius_m_);
 }
 
@@ -33,47 +33,48 @@ double Machine::travel_m(const Pose& from, const Pose& to) const {
 }
 
 /// The stations on the straight way to a pose.
-std::vector<Pose> Machine::stations(const Ground& ground, const Pose& to) {
+std::vector<Pose> Machine::stations_to(const Ground& ground, const Pose& to) {
   std::vector<Pose> found;
-  const double whole_m = travel_m(current_, to), every_m = station_travel_m(ground);
-  for (double at_m = every_m - travel_m_; at_m <= whole_m; at_m += every_m)
+  const double whole_m = travel_m(current_, to), every_m = station_spacing_m(ground);
+  for (double at_m = every_m - since_station_m_; at_m <= whole_m; at_m += every_m)
     found.push_back(interpolate(current_, to, at_m / whole_m));
-  travel_m_ = std::fmod(travel_m_ + whole_m, every_m);
+  since_station_m_ = std::fmod(since_station_m_ + whole_m, every_m);
   return found;
 }
 
-/// Stations, ends of turns and ticks of a bucket that stays about where it is in (begin, end], and
-/// the beginnings of standstills in [begin, end). They are counted from row to row, so they do not
-/// depend on the updates.
-std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& motion,
-                                          double begin_s, double end_s) {
-  const double every_m = station_travel_m(ground);
+/// Stations, ends of turns and ticks of a bucket that stands in (begin, end], and the beginnings of
+/// standstills in [begin, end). They are counted from row to row, so they do not depend on the
+/// updates.
+std::vector<Machine::Event> Machine::events(const Ground& ground, const Motion& motion,
+                                            double begin_s, double end_s) {
+  const double every_m = station_spacing_m(ground);
   const std::vector<double>& rows_s = motion.times_s();
-  std::vector<Stop> found;
+  std::vector<Event> found;
   auto next = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
   if (next == rows_s.begin()) ++next;
   for (; next < rows_s.end() && *(next - 1) < end_s; ++next) {
     const auto row = static_cast<std::size_t>(next - rows_s.begin());
     const double from_s = rows_s[row - 1], to_s = rows_s[row];
     const double way_m = travel_m(motion.row(row - 1), motion.row(row));
-    if (way_m == 0 && from_s >= begin_s) found.push_back({from_s, Stop::Kind::kStandstill});
-    double at_m = every_m - travel_m_;
+    if (way_m == 0 && from_s >= begin_s) found.push_back({from_s, Event::Kind::kStandstill});
+    double at_m = every_m - since_station_m_;
     for (; at_m <= way_m; at_m += every_m) {
       const double at_s = std::min(to_s, from_s + (to_s - from_s) * (at_m / way_m));
-      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Stop::Kind::kStation});
+      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Event::Kind::kStation});
     }
     if (to_s <= end_s) {
-      travel_m_ = std::max(0.0, every_m - (at_m - way_m));
+      since_station_m_ = std::max(0.0, every_m - (at_m - way_m));
       const Pose at = motion.row(row);
-      const bool goes = travel_m(stands_.at, at) > kMaxTremble_m;
-      if (goes) stands_ = {at, to_s, 0};
-      if (stands_.since_s > to_s) stands_ = {stands_.at, from_s, 0};  // its clock was set back
+      const bool goes = travel_m(standing_.at, at) > kMaxTremble_m;
+      if (goes) standing_ = {at, to_s, 0};
+      if (standing_.since_s > to_s)
+        standing_ = {standing_.at, from_s, 0};  // its clock was set back
       const auto ticks = static_cast<std::int64_t>(
-          std::min(kMaxStand_s, to_s - stands_.since_s) / kTick_s + kTickRounding);
-      if (ticks >= kTicksToStand && ticks > stands_.ticks) {
-        const auto due = static_cast<int>(std::min(ticks - stands_.ticks, kMaxTicks));
-        found.push_back({to_s, Stop::Kind::kTick, due});
-        stands_.ticks = ticks;
+          std::min(kMaxStand_s, to_s - standing_.since_s) / kTick_s + kTickRounding);
+      if (ticks >= kTicksToStand && ticks > standing_.ticks) {
+        const auto due = static_cast<int>(std::min(ticks - standing_.ticks, kMaxTicks));
+        found.push_back({to_s, Event::Kind::kTick, due});
+        standing_.ticks = ticks;
       }
     }
     if (!capacity_) continue;
@@ -82,11 +83,11 @@ std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& mo
     const int turns = static_cast<int>(std::ceil(turn_rad / kSpillTurnRad));
     for (int i = 1; i <= turns; ++i) {
       const double at_s = i == turns ? to_s : from_s + (to_s - from_s) * i / turns;
-      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Stop::Kind::kTurn});
+      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Event::Kind::kTurn});
     }
   }
   std::stable_sort(found.begin(), found.end(),
-                   [](const Stop& a, const Stop& b) { return a.time_s < b.time_s; });
+                   [](const Event& a, const Event& b) { return a.time_s < b.time_s; });
   return found;
 }
 
@@ -100,9 +101,8 @@ void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
   }
 }
 
-/// Lets pushed soil and excess load fall, and soil slide: some way at a station, to rest at a
-/// standstill, and in the end cuts fail even with the bucket in the ground.
-void Machine::stop(Ground& ground, double time_s, Rest rest) {
+/// Lets pushed soil and excess load fall, and soil slide.
+void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
   if (!placed_) return;
   const Pose& at = current_;
   const Pose here[] = {at};
@@ -114,22 +114,22 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
   const bool stood = wall_.has_value();
   set_wall(ground, at);
   if (stood && !wall_) unsettled_box_ = propped_box_;  // the bucket may have held it up
-  const bool in_air = !wall_, bank_fails = rest == Rest::kEnds || in_air;
-  tip(time_s);
-  land(ground, time_s, !in_air || rest != Rest::kSlides);
-  if (rest != Rest::kSlides) {
-    const Eigen::AlignedBox3d& around = bank_fails ? propped_box_ : unsettled_box_;
-    if (settler_->settle(around, bank_fails, unrest_)) {
-      stations_ = 0;
-      unsettled_box_.setEmpty();
-      if (in_air) propped_box_.setEmpty();
-    }
+  spill_here(time_s);
+  drop(ground, time_s, wall_ || rest != Rest::kSome);
+  if (rest == Rest::kSome) {
+    ++stations_since_fail_;
+    if (!wall_ || stations_since_fail_ >= kStationsPerRest) fail();
+    if (!wall_ || stations_since_fail_ % kStationsPerSlide == 0)
+      settler_->slide(may_slide_, kStationSteps);
   } else {
-    ++stations_;
-    if (in_air || stations_ >= kStationsPerRest) fail();
-    if (in_air || stations_ % kStationsPerSlide == 0) settler_->slide(unrest_, kStationSteps);
+    const bool banks_fail = rest == Rest::kEnd || !wall_;
+    if (settler_->settle(banks_fail ? propped_box_ : unsettled_box_, banks_fail, may_slide_)) {
+      stations_since_fail_ = 0;
+      unsettled_box_.setEmpty();
+      if (!wall_) propped_box_.setEmpty();
+    }
   }
-  station_ = at;
+  last_station_ = at;
   swept_box_ = box_around(here);
   cut_before_ = ledger_.cut();
 }
@@ -139,10 +139,10 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
 void Machine::fail() {
   if (!unsettled_box_.isEmpty()) settler_->break_overhangs(wall_ ? unsettled_box_ : propped_box_);
   unsettled_box_.setEmpty();
-  stations_ = 0;
+  stations_since_fail_ = 0;
   if (wall_ || propped_box_.isEmpty()) return;
-  settler_->take_changes(unrest_);
-  if (unrest_.empty() && settler_->fail(propped_box_)) propped_box_.setEmpty();
+  settler_->take_changes(may_slide_);
+  if (may_slide_.empty() && settler_->fail(propped_box_)) propped_box_.setEmpty();
 }
 
 /// The bucket is a wall to soil where it is in the ground. What leant on it where it was may slide.
@@ -152,7 +152,7 @@ void Machine::set_wall(const Ground& ground, const Pose& at) {
   if (wall_ && stands && wall_->position == at.position &&
       wall_->rotation.coeffs() == at.rotation.coeffs())
     return;
-  if (wall_) unrest_.add(obstacle_.cells());
+  if (wall_) may_slide_.add(obstacle_.cells());
   wall_ = stands ? std::optional(at) : std::nullopt;
   obstacle_ = wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle();
 }
@@ -169,19 +169,19 @@ std::int64_t Machine::surplus() {
 }
 
 /// What the bucket can't hold leaves it and is then in flight.
-void Machine::let_go() {
-  const std::int64_t spill = surplus();
-  ledger_.load -= spill;
-  ledger_.spilled += spill;
-  falling_ += spill;
+void Machine::spill() {
+  const std::int64_t mass = surplus();
+  ledger_.load -= mass;
+  ledger_.spilled += mass;
+  in_flight_ += mass;
 }
 
-/// Lets go at a stop, which says from where and when it falls.
-void Machine::tip(double time_s) {
-  let_go();
-  if (falling_ == 0 || tipped_) return;
-  tipped_ = current_;
-  tipped_s_ = time_s;
+/// Spills, and keeps from where and when that drops.
+void Machine::spill_here(double time_s) {
+  spill();
+  if (in_flight_ == 0 || spilled_from_) return;
+  spilled_from_ = current_;
+  spilled_s_ = time_s;
 }
 
 /// @return mass that slid before
@@ -195,8 +195,8 @@ std::int64_t Machine::begin_update() {
 /// on before it until then: soil must not land at places that depend on the updates.
 void Machine::end_update() {
   if (settler_ == nullptr) return;
-  settler_->take_changes(unrest_);
-  if (!wall_ && ledger_.cut() == cut_before_) return let_go();
+  settler_->take_changes(may_slide_);
+  if (!wall_ && ledger_.cut() == cut_before_) return spill();
   heaped_ = surplus();
   ledger_.load -= heaped_;
 }
@@ -227,48 +227,49 @@ double Machine::held_m() const {
 
 /// Dense rows make as few piles as sparse rows.
 void Machine::pass_turn(Ground& ground, double time_s) {
-  tip(time_s);
-  if (!lands(ground)) return;
+  spill_here(time_s);
+  if (!drops_now(ground)) return;
   set_wall(ground, current_);
-  land(ground, time_s, false);
+  drop(ground, time_s, false);
 }
 
 /// What sensors err by is no way, so beside a bucket that stands soil comes to rest by time.
 void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!placed_) return;
   if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_);
-  tip(time_s);
-  land(ground, time_s, true);
+  spill_here(time_s);
+  drop(ground, time_s, true);
   if (!wall_) fail();
-  settler_->slide(unrest_, ticks * kStationSteps);
+  settler_->slide(may_slide_, ticks * kStationSteps);
 }
 
-/// Does soil in the air land now? It is much, or is to land elsewhere than what leaves now.
-bool Machine::lands(const Ground& ground) const {
-  if (falling_ == 0) return false;
-  return ledger_.units.loose_samples(falling_) * ledger_.sample_m3 >=
+/// Does what is in flight drop now? It is much, or left elsewhere than what leaves now.
+bool Machine::drops_now(const Ground& ground) const {
+  if (in_flight_ == 0) return false;
+  return ledger_.units.loose_samples(in_flight_) * ledger_.sample_m3 >=
              kMinSpillShare * capacity_->struck_m3() ||
-         apart_m(spill_line(ground, *tipped_), spill_line(ground, current_)) >
-             station_travel_m(ground);
+         apart_m(spill_line(ground, *spilled_from_), spill_line(ground, current_)) >
+             station_spacing_m(ground);
 }
 
-/// Pushed soil lands, and what is in the air, if it does or `all` is to.
-void Machine::land(const Ground& ground, double time_s, bool all) {
+/// Pushed soil drops, and what is in flight, if it drops now or `all` is to.
+void Machine::drop(const Ground& ground, double time_s, bool all) {
   if (pushed_ > 0) {
     const Vec2 way = push_way(current_);
     const Settler::Line line = push_line(current_, way);
-    if (tipped_ && apart_m(line, spill_line(ground, *tipped_)) < ground.voxel_size_m()) {
-      falling_ += std::exchange(pushed_, 0);
+    if (spilled_from_ &&
+        apart_m(line, spill_line(ground, *spilled_from_)) < ground.voxel_size_m()) {
+      in_flight_ += std::exchange(pushed_, 0);
       all = true;
     } else {
       settler_->drop(line, way, std::exchange(pushed_, 0), time_s);
     }
   }
-  if (!lands(ground) && !(all && falling_ > 0)) return;
-  const Pose from = *tipped_;
-  tipped_.reset();
+  if (!drops_now(ground) && !(all && in_flight_ > 0)) return;
+  const Pose from = *spilled_from_;
+  spilled_from_.reset();
   settler_->drop(spill_line(ground, from), (from.rotation * Vec3::UnitX()).head<2>(),
-                 std::exchange(falling_, 0), tipped_s_);
+                 std::exchange(in_flight_, 0), spilled_s_);
 }
 
 /// Where soil leaves the bucket.
@@ -285,7 +286,7 @@ Settler::Line Machine::spill_line(const Ground& ground, const Pose& at) const {
 
 /// The way in plan from the last station, or that before the mouth without movement.
 Vec2 Machine::push_way(const Pose& at) const {
-  const Vec2 way = (at.position - station_.position).head<2>();
+  const Vec2 way = (at.position - last_station_.position).head<2>();
   return way.norm() < kMinPushWay * radius_m_ ? Vec2((at.rotation * Vec3::UnitX()).head<2>()) : way;
 }
 

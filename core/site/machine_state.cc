@@ -22,11 +22,12 @@ void Machine::save(std::string& out) const {
   put(out, bucket_.width_m, bucket_.height_m, std::uint64_t{bucket_.profile.size()});
   put(out, ledger_.captured, ledger_.displaced, ledger_.dumped, placed_, current_);
   if (settler_ == nullptr) return;
-  put(out, ledger_.load, ledger_.spilled, travel_m_);
-  put(out, stands_.at, stands_.since_s, stands_.ticks);
-  put(out, station_, pushed_, falling_, heaped_, tipped_s_, cut_before_, stations_);
-  unrest_.save(out);
-  for (const std::optional<Pose>* pose : {&wall_, &tipped_})
+  put(out, ledger_.load, ledger_.spilled, since_station_m_);
+  put(out, standing_.at, standing_.since_s, standing_.ticks);
+  put(out, last_station_, pushed_, in_flight_, heaped_, spilled_s_, cut_before_,
+      stations_since_fail_);
+  may_slide_.save(out);
+  for (const std::optional<Pose>* pose : {&wall_, &spilled_from_})
     put(out, pose->has_value(), pose->value_or(Pose{}));
   for (const Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_})
     put(out, box->min(), box->max());
@@ -51,21 +52,22 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   if (settler_ == nullptr) return require_valid(ledger_.load >= 0);
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
-  take(in, travel_m_, stands_.at, stands_.since_s);
-  take_amount(in, stands_.ticks);
-  take(in, station_);
+  take(in, since_station_m_, standing_.at, standing_.since_s);
+  take_amount(in, standing_.ticks);
+  take(in, last_station_);
   take_amount(in, pushed_);
-  take_amount(in, falling_);
+  take_amount(in, in_flight_);
   take_amount(in, heaped_);
   constexpr std::int64_t kMostMass = std::int64_t{1} << 55;  // sums and products of some
-  require_valid(std::max({ledger_.load, pushed_, falling_, heaped_}) <= kMostMass);
-  take(in, tipped_s_);
+  require_valid(std::max({ledger_.load, pushed_, in_flight_, heaped_}) <= kMostMass);
+  take(in, spilled_s_);
   take_amount(in, cut_before_);
-  take(in, stations_);
-  require_valid(is_valid(stands_.at) && !std::isnan(stands_.since_s) && is_valid(station_) &&
-                travel_m_ >= 0 && travel_m_ <= station_travel_m(ground) && stations_ >= 0);
-  unrest_.load(in);
-  for (std::optional<Pose>* pose : {&wall_, &tipped_}) {
+  take(in, stations_since_fail_);
+  require_valid(is_valid(standing_.at) && !std::isnan(standing_.since_s) &&
+                is_valid(last_station_) && since_station_m_ >= 0 &&
+                since_station_m_ <= station_spacing_m(ground) && stations_since_fail_ >= 0);
+  may_slide_.load(in);
+  for (std::optional<Pose>* pose : {&wall_, &spilled_from_}) {
     bool there = false;
     Pose value;
     take(in, there, value);
@@ -73,8 +75,8 @@ void Machine::load(std::string_view& in, const Ground& ground) {
     *pose = there ? std::optional(value) : std::nullopt;
   }
   obstacle_ = wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle();
-  require_valid(!std::isinf(tipped_s_) && (capacity_ || (falling_ == 0 && heaped_ == 0)) &&
-                (!tipped_ || falling_ > 0));
+  require_valid(!std::isinf(spilled_s_) && (capacity_ || (in_flight_ == 0 && heaped_ == 0)) &&
+                (!spilled_from_ || in_flight_ > 0));
   for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     take(in, box->min(), box->max());
     const bool none = box->min() == Eigen::AlignedBox3d().min() && box->max() == -box->min();
