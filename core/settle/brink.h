@@ -8,8 +8,17 @@
 namespace soilvdb::inline v0 {
 
 /// Depth of soil that stays in the middle of a column beside a brink, where support bends to
-/// something steeper than `slope`: soil lies up to the bend. The support's drops, in sides: to the
-/// column from the one before it, to the next, and from that to the one beyond.
+/// something steeper than `slope`: soil lies up to the bend.
+///
+///     -._                       soil, at `slope`
+///        `-._
+///     ____   |`-._              held: from o, the column's middle, up to the soil
+///         ```o--._`-._
+///                 ```-`.        the bend, short_by sides from o
+///                       `.      support, steeper
+///
+/// @param before, here, beyond the support's drops, in sides: to the column from the one before it,
+///        to the next, and from that to the one after
 /// @tparam V float or Lanes
 template <typename V>
 SOILVDB_INLINE V held_at_brink(V before, V here, V beyond, float slope) {

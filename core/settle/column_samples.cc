@@ -165,14 +165,25 @@ class Stacks {
   std::vector<Chosen> chosen_;
 };
 
-/// Calls f(words, samples, loose) for each chunk of which something was chosen.
-template <typename F>
-void edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operation, const F& f) {
+/// Adds samples, or removes them.
+void apply(GroundWriter::Operation operation, const SampleWords& chosen, Samples& to) {
+  SampleWords words;
+  to.expand(words);
+  for (std::size_t n = 0; n < words.size(); ++n)
+    words[n] =
+        operation == GroundWriter::Operation::kAdd ? words[n] | chosen[n] : words[n] & ~chosen[n];
+  to.assign(words);
+}
+
+/// Adds or removes what was chosen. @param and_loose also of the loose samples
+void edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operation, bool and_loose) {
   std::vector<GroundWriter::Edit> edits;
   for (const Stacks::Chosen& c : stacks.chosen()) edits.push_back({c.origin});
   GroundWriter(ground).edit(operation, edits, kParallelFillChunks,
                             [&](std::size_t i, Samples& samples, Samples& loose) {
-                              f(*stacks.chosen()[i].words, samples, loose);
+                              const SampleWords& chosen = *stacks.chosen()[i].words;
+                              apply(operation, chosen, samples);
+                              if (and_loose) apply(operation, chosen, loose);
                               return true;
                             });
 }
@@ -183,37 +194,18 @@ std::int64_t count(const SampleWords& words) {
   return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
-std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool is_loose,
-                 const ChunkReceiver& receiver) {
-  const Stacks stacks(ground, changes, slope, true, false);
-  const auto add_to = [](const SampleWords& more, Samples& to) {
-    SampleWords words;
-    to.expand(words);
-    for (std::size_t n = 0; n < words.size(); ++n) words[n] |= more[n];
-    to.assign(words);
-  };
-  edit(ground, stacks, GroundWriter::Operation::kAdd,
-       [&](const SampleWords& more, Samples& samples, Samples& loose) {
-         add_to(more, samples);
-         if (is_loose) add_to(more, loose);
-       });
-  std::int64_t added = 0;
-  for (const Stacks::Chosen& c : stacks.chosen()) {
-    added += count(*c.words);
-    if (receiver) receiver(c.origin, *c.words, is_loose);
-  }
-  return added;
-}
-
 }  // namespace
 
-std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                       const ChunkReceiver& added) {
-  return add(ground, changes, slope, true, added);
-}
-std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                      const ChunkReceiver& added) {
-  return add(ground, changes, slope, false, added);
+std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, double slope,
+                         bool loose, const ChunkReceiver& added) {
+  const Stacks stacks(ground, changes, slope, true, false);
+  edit(ground, stacks, GroundWriter::Operation::kAdd, loose);
+  std::int64_t sum = 0;
+  for (const Stacks::Chosen& c : stacks.chosen()) {
+    sum += count(*c.words);
+    if (added) added(c.origin, *c.words, loose);
+  }
+  return sum;
 }
 
 Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank,
@@ -232,17 +224,7 @@ Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slo
     for (std::size_t n = 0; n < loose.size(); ++n) loose[n] ^= (*c.words)[n];
     removed(c.origin, loose, false);
   }
-  const auto remove = [](const SampleWords& gone, Samples& from) {
-    SampleWords words;
-    from.expand(words);
-    for (std::size_t n = 0; n < words.size(); ++n) words[n] &= ~gone[n];
-    from.assign(words);
-  };
-  edit(ground, stacks, GroundWriter::Operation::kRemove,
-       [&](const SampleWords& gone, Samples& samples, Samples& loose_samples) {
-         remove(gone, samples);
-         remove(gone, loose_samples);
-       });
+  edit(ground, stacks, GroundWriter::Operation::kRemove, true);
   return taken;
 }
 

@@ -31,15 +31,12 @@ struct ColumnEdit {
 using ChunkReceiver =
     std::function<void(const Coord3& origin, const SampleWords& samples, bool loose)>;
 
-/// Adds loose samples to columns: the lowest air below a surface of the column's shape. Heights are
-/// thus as requested to a sample, also if bank stands in a part of a column.
-/// @param slope of cones
+/// Adds samples to columns: the lowest air below a surface of the column's shape. Heights are thus
+/// as requested to a sample, also if bank stands in a part of a column.
+/// @param slope of cones @param loose false: bank, where soil is rigid
 /// @return number of samples added, fewer only if the columns' cells have no more room
-std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                       const ChunkReceiver& added = {});
-/// The same with bank soil, where soil is rigid.
-std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                      const ChunkReceiver& added = {});
+std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, double slope,
+                         bool loose, const ChunkReceiver& added = {});
 
 /// Removed soil, samples.
 struct Taken {

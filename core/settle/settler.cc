@@ -14,6 +14,15 @@
 #include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
+namespace {
+
+/// All of them, in the order of a state.
+constexpr std::int64_t SettleTotals::*kTotals[] = {
+    &SettleTotals::pending, &SettleTotals::hauled,       &SettleTotals::lost_off_terrain,
+    &SettleTotals::slid,    &SettleTotals::fill_samples, &SettleTotals::failed_samples};
+
+}  // namespace
+
 Settler::Settler(Ground& ground, const SoilProperties& properties, std::vector<Hopper> hoppers)
     : ground_(ground),
       properties_(properties),
@@ -105,7 +114,7 @@ std::int64_t Settler::take_out(std::span<const ColumnEdit> changes, bool bank) {
 
 /// Makes what is pending samples of columns, as many as find room.
 void Settler::put_in(std::span<const ColumnEdit> changes) {
-  const std::int64_t added = add_loose(ground_, changes, slope_);
+  const std::int64_t added = add_samples(ground_, changes, slope_, true);
   totals_.pending -= added * units_.loose;
   totals_.fill_samples += added;
 }
@@ -172,9 +181,7 @@ bool Settler::settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& may
 }
 
 void Settler::save(std::string& out) const {
-  for (const std::int64_t v : {totals_.pending, totals_.hauled, totals_.lost_off_terrain,
-                               totals_.slid, totals_.fill_samples, totals_.failed_samples})
-    put(out, v);
+  for (const auto total : kTotals) put(out, totals_.*total);
 }
 
 void Settler::restore(const SettleTotals& totals) {
@@ -183,19 +190,13 @@ void Settler::restore(const SettleTotals& totals) {
 }
 
 SettleTotals& SettleTotals::operator+=(const SettleTotals& other) {
-  pending += other.pending;
-  hauled += other.hauled;
-  lost_off_terrain += other.lost_off_terrain;
-  slid += other.slid;
-  fill_samples += other.fill_samples;
-  failed_samples += other.failed_samples;
+  for (const auto total : kTotals) this->*total += other.*total;
   return *this;
 }
 
 void SettleTotals::load(std::string_view& in, std::size_t settlers) {
-  for (std::int64_t* v :
-       {&pending, &hauled, &lost_off_terrain, &slid, &fill_samples, &failed_samples})
-    take_amount(in, *v, kMostAmount / static_cast<std::int64_t>(settlers));
+  for (const auto total : kTotals)
+    take_amount(in, this->*total, kMostAmount / static_cast<std::int64_t>(settlers));
 }
 
 }  // namespace soilvdb::inline v0

@@ -43,9 +43,8 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take(in, width, height, count);
   if (width != bucket_.width_m || height != bucket_.height_m || count != bucket_.profile.size())
     throw std::invalid_argument("the state is of another bucket");
-  take_amount(in, ledger_.captured);
-  take_amount(in, ledger_.displaced);
-  take_amount(in, ledger_.dumped);
+  for (std::int64_t* v : {&ledger_.captured, &ledger_.displaced, &ledger_.dumped})
+    take_amount(in, *v);
   take(in, placed_, current_);
   require_valid(is_valid(current_) && (!placed_ || near(current_.position)));
   ledger_.load = ledger_.captured - ledger_.dumped;  // where soil does not move
@@ -55,9 +54,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take(in, since_station_m_, standing_.at, standing_.since_s);
   take_amount(in, standing_.ticks);
   take(in, last_station_);
-  take_amount(in, pushed_);
-  take_amount(in, in_flight_);
-  take_amount(in, heaped_);
+  for (std::int64_t* v : {&pushed_, &in_flight_, &heaped_}) take_amount(in, *v);
   constexpr std::int64_t kMostMass = std::int64_t{1} << 55;  // sums and products of some
   require_valid(std::max({ledger_.load, pushed_, in_flight_, heaped_}) <= kMostMass);
   take(in, spilled_s_);

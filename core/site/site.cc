@@ -14,6 +14,7 @@
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/lattice/text.h"
+#include "core/site/guarded.h"
 #include "soilvdb/pour_parts.h"
 
 namespace soilvdb::inline v0 {
@@ -46,18 +47,6 @@ std::vector<Bucket> buckets_of(const SiteModel& model) {
     buckets.push_back(machine.bucket);
   }
   return buckets;
-}
-
-/// The reason in a result, or an empty one if there is no memory for it.
-template <typename Result>
-Result refused(Status status, const std::string& why) noexcept {
-  Result result;
-  result.status = status;
-  try {
-    result.why = why;
-  } catch (...) {
-  }
-  return result;
 }
 
 }  // namespace
@@ -272,26 +261,6 @@ void Site::fail(const std::string& why) noexcept {
   }
 }
 
-/// Calls `work(moving)`, which must set `moving` before its first irreversible change.
-template <typename Result, typename Work>
-Result Site::guarded(const Work& work) noexcept {
-  if (!broken_.empty()) return refused<Result>(Status::kFailed, broken_);
-  bool moving = false;
-  try {
-    return work(moving);
-  } catch (const NoGroundError& e) {
-    if (!moving) return refused<Result>(Status::kNoGround, e.what());
-    fail(e.what());
-  } catch (const std::invalid_argument& e) {
-    if (!moving) return refused<Result>(Status::kBadState, e.what());
-    fail(e.what());
-  } catch (const std::exception& e) {
-    if (!moving) return refused<Result>(Status::kFailed, e.what());
-    fail(e.what());
-  }
-  return refused<Result>(Status::kFailed, broken_);
-}
-
 BatchResult Site::update(std::span<const MachineState> states) noexcept {
   std::size_t at = 0;
   BatchResult result = guarded<BatchResult>([&](bool& moving) {
@@ -362,21 +331,6 @@ StepResult Site::update(const MachineState& state) noexcept {
   });
 }
 
-std::unique_ptr<GroundSurvey> Site::new_survey() const {
-  std::vector<double> lip_sigmas_m;
-  for (const SiteMachine& machine : model_->machines) lip_sigmas_m.push_back(machine.lip_sigma_m);
-  return std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m, surveyed_);
-}
-
-GroundSurvey& Site::scans() {
-  if (!survey_) survey_ = new_survey();
-  return *survey_;
-}
-
-void Site::tell_survey(std::optional<std::size_t> machine) {
-  if (survey_) survey_->worked(machine);
-}
-
 std::vector<Update> Site::make(std::span<const Move> moves) {
   if (!survey_) return tracker_->update(moves);
   std::vector<Update> made;
@@ -385,155 +339,6 @@ std::vector<Update> Site::make(std::span<const Move> moves) {
     tell_survey(move.machine);
   }
   return made;
-}
-
-StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
-  return guarded<StepResult>([&](bool&) {
-    std::vector<const Pose*> poses;
-    std::vector<PlacedBoxes> links;
-    for (std::size_t m = 0; m < inputs_.size(); ++m) {
-      const std::optional<Input>& input = inputs_[m];
-      poses.push_back(input ? &input->pose : nullptr);
-      if (!input || input->configuration.empty()) continue;
-      for (PlacedBoxes& body : chain(m).placed_bodies(input->configuration)) links.push_back(body);
-    }
-    auto begun = survey_ ? nullptr : new_survey();  // a scan that is refused begins none
-    (begun ? *begun : *survey_).scan(sensor, points_m, poses, links);
-    if (begun) survey_ = std::move(begun);
-    return StepResult();
-  });
-}
-
-StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
-  return guarded<StepResult>([&](bool& moving) {
-    survey = {};
-    if (!survey_) {
-      survey.lip_errors_m = new_survey()->lip_errors_m();
-      return StepResult();
-    }
-    const Surveyed before = tracker_->surveyed();
-    const bool is_news = survey_->has_news();
-    const std::vector<SurveyChange> changes = survey_->solve();
-    moving = true;
-    tracker_->correct(changes);
-    survey = survey_->applied();
-    const Surveyed& now = tracker_->surveyed();
-    survey.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
-    survey.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
-    if (record != nullptr && is_news) {
-      put(*record, /*of_scans=*/true, std::uint64_t{changes.size()});
-      for (const SurveyChange& change : changes)
-        put(*record, change.cell, change.top, change.samples, change.slope);
-      survey_->save_changes(*record);
-    }
-    return StepResult();
-  });
-}
-
-StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
-                        std::string* record) noexcept {
-  return guarded<StepResult>([&](bool& moving) {
-    volumes = {};
-    heights.validate();
-    const Surveyed before = tracker_->surveyed();
-    moving = true;
-    volumes.changed = take_survey(heights);
-    const Surveyed& now = tracker_->surveyed();
-    volumes.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
-    volumes.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
-    if (record != nullptr) {
-      put(*record, /*of_scans=*/false);
-      heights.save(*record);
-    }
-    return StepResult();
-  });
-}
-
-std::int64_t Site::take_survey(const SurveyHeights& heights) {
-  const std::int64_t changed = tracker_->survey(heights);
-  surveyed_->add(heights);
-  tell_survey();
-  return changed;
-}
-
-bool Site::is_of_scans(std::string_view record) { return record.empty() || record.front() != 0; }
-
-void Site::repeat_survey(std::string_view record) {
-  if (record.empty()) return;  // of scans without a ray that counts
-  bool of_scans = false;
-  take(record, of_scans);
-  if (!of_scans) {
-    const auto heights = SurveyHeights::load(record);
-    if (!record.empty())
-      throw std::invalid_argument("the record of a survey has more than it says");
-    take_survey(heights);
-    return;
-  }
-  std::uint64_t count = 0;
-  take(record, count);
-  std::vector<SurveyChange> changes;
-  for (std::uint64_t i = 0; i < count; ++i) {
-    SurveyChange& change = changes.emplace_back();
-    take(record, change.cell, change.top, change.samples, change.slope);
-    if (!(change.cell.cast<double>().cwiseAbs().maxCoeff() < kMaxIndex &&
-          std::abs(change.top) < kMaxIndex &&
-          std::abs(change.top + static_cast<double>(change.samples) / 64) < kMaxIndex &&
-          change.slope.allFinite()))
-      throw std::invalid_argument("the record of scans has an impossible column");
-  }
-  tracker_->correct(changes);
-  scans().load(record);
-  if (!record.empty()) throw std::invalid_argument("the record of scans is of another site");
-}
-
-std::vector<Estimate> Site::lip_errors_m() const {
-  return survey_ ? survey_->lip_errors_m() : std::vector<Estimate>();
-}
-
-// Looking must not begin a survey: what it then knows of who digs would depend on who looks.
-void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen) {
-  const auto none_yet = survey_ ? nullptr : new_survey();
-  (survey_ ? *survey_ : *none_yet).sigmas(xy_m, sigmas_m, seen);
-}
-
-std::vector<Coord2> Site::seen_squares() const {
-  return survey_ ? survey_->seen_squares() : new_survey()->seen_squares();
-}
-
-double Site::volume_sigma_m3(const std::vector<Vec2>& boundary) {
-  const auto none_yet = survey_ ? nullptr : new_survey();
-  return (survey_ ? *survey_ : *none_yet).volume_sigma_m3(boundary);
-}
-
-Estimate Site::cut_m3(std::size_t machine) {
-  require(machine);
-  const auto none_yet = survey_ ? nullptr : new_survey();
-  const std::vector<Estimate> errors = (survey_ ? *survey_ : *none_yet).cut_errors_m3();
-  if (errors.back().sigma > 0)
-    throw std::invalid_argument(
-        "it is not known which machine dug what before the first scan; make an empty scan before "
-        "several machines dig");
-  const Estimate& error = errors[machine];
-  return {tracker_->ledger(machine).cut_m3() + error.mean, error.sigma};
-}
-
-Heap Site::heap(const std::vector<Vec2>& boundary) {
-  const std::optional<SoilProperties>& soil = model_->earthmoving.soil;
-  if (!soil)
-    throw std::invalid_argument("soil is rigid here and makes no heaps; give the site a soil");
-  if (!survey_) throw std::invalid_argument("nothing was scanned yet; scan the heap first");
-  const SurveyedSamples* samples = tracker_->surveyed_samples();
-  if (samples == nullptr)
-    throw std::invalid_argument(
-        "this site was saved by a version that did not keep where scans changed the ground");
-  // Soil of any machine may be in the heap: its volume errs as that of all cuts does.
-  const MassBalance balance = tracker_->mass_balance_without_ground();
-  double error_m3 = 0, moved_m3 = tracker_->total().cut_m3();
-  moved_m3 += static_cast<double>(balance.poured) / static_cast<double>(balance.units.bank) *
-              ground_->sample_m3();
-  for (const Estimate& error : survey_->cut_errors_m3())
-    error_m3 += std::hypot(error.mean, error.sigma);
-  return survey_->heap(boundary, *samples, soil->swell, moved_m3 > 0 ? error_m3 / moved_m3 : 0);
 }
 
 void Site::pour_until(double until_s) {
@@ -677,15 +482,9 @@ void Site::set_progress(std::string_view bytes) {
   auto surveyed = SurveyedHeights::load(bytes);
   std::unique_ptr<GroundSurvey> survey;
   if (!bytes.empty()) {
-    std::swap(survey, survey_);
-    try {
-      scans().load(bytes);
-      if (!bytes.empty()) throw std::invalid_argument("the state is of a site with more");
-    } catch (...) {
-      survey_ = std::move(survey);
-      throw;
-    }
-    std::swap(survey, survey_);
+    survey = new_survey();
+    survey->load(bytes);
+    if (!bytes.empty()) throw std::invalid_argument("the state is of a site with more");
   }
   tracker_->restore(tracker, count);
   survey_ = std::move(survey);

@@ -25,6 +25,12 @@ int correction_room(float a, float b) {
   return kCorrectedCells + static_cast<int>(std::ceil(std::abs(a) + std::abs(b)));
 }
 
+/// What a survey changes.
+struct SurveyEdits {
+  std::vector<ColumnEdit> roofs, lowered, raised;
+  std::size_t size() const { return roofs.size() + lowered.size() + raised.size(); }
+};
+
 /// Columns of one tile of 8 x 8 that a survey changes.
 class SurveyedTile {
  public:
@@ -32,10 +38,7 @@ class SurveyedTile {
 
   /// Finds changes towards the survey's heights. Soil over a gap that the survey sees into is a
   /// roof: that goes first.
-  void find(const Ground& ground, BaseColumns& base) {
-    roofs.clear();
-    lowered.clear();
-    raised.clear();
+  void find(const Ground& ground, BaseColumns& base, SurveyEdits& edits) const {
     const ColumnTile now = read_tile_exactly(base, cell_.x(), cell_.y(), kNoCeiling, false);
     std::array<std::int64_t, BaseColumn::kCells> changes = {};
     std::array<Span, BaseColumn::kCells> above;
@@ -55,12 +58,10 @@ class SurveyedTile {
     for (int c = 0; c < BaseColumn::kCells; ++c) {
       const std::int64_t change = changes[static_cast<std::size_t>(c)];
       if (change != 0)
-        add(c, now.columns[static_cast<std::size_t>(c)], change,
-            above[static_cast<std::size_t>(c)]);
+        add(c, now.columns[static_cast<std::size_t>(c)], change, above[static_cast<std::size_t>(c)],
+            edits);
     }
   }
-
-  std::vector<ColumnEdit> roofs, lowered, raised;
 
  private:
   /// Cells of a column above the survey, and the lowest of them without soil.
@@ -112,17 +113,18 @@ class SurveyedTile {
     }
   }
 
-  void add(int c, const GroundColumn& column, std::int64_t change, const Span& above) {
+  void add(int c, const GroundColumn& column, std::int64_t change, const Span& above,
+           SurveyEdits& edits) const {
     const Coord2 cell = place_of(c);
     const int highest = std::max(cell_of(column.surface), cell_of(column.top));
     if (above.gap <= above.high) {
-      roofs.push_back(ColumnEdit::all(cell, above.gap, highest));
+      edits.roofs.push_back(ColumnEdit::all(cell, above.gap, highest));
       return;
     }
     const float a = slope_of(c, {1, 0}), b = slope_of(c, {0, 1});
     const int room = correction_room(a, b), at = cell_of(wanted_of(c) / 64.0);
     const bool falls = change < 0;  // a cave below what rises is left as it is
-    (falls ? lowered : raised)
+    (falls ? edits.lowered : edits.raised)
         .push_back({.cell = cell,
                     .low = falls ? at - room : std::min(column.full + 1, at),
                     .high = falls ? highest : std::max(highest, at) + room,
@@ -139,11 +141,6 @@ ChunkReceiver booked_to(SurveyedSamples& samples, int sign) {
   return [&samples, sign](const Coord3& chunk, const SampleWords& words, bool loose) {
     samples.add(chunk, words, loose, sign);
   };
-}
-
-template <typename T>
-void append(std::vector<T>& to, const std::vector<T>& more) {
-  to.insert(to.end(), more.begin(), more.end());
 }
 
 }  // namespace
@@ -181,21 +178,17 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
         for (int cy = y; cy < std::min(y + kSurveyBlock, end.y()); cy += kChunkSide)
           tiles.emplace_back(survey, Coord2(cx, cy));
       for (int round = 0; round < kSurveyRounds && !tiles.empty(); ++round) {
-        std::vector<ColumnEdit> roofs, lowered, raised;
+        SurveyEdits edits;
         std::vector<SurveyedTile> others;
-        for (SurveyedTile& tile : tiles) {
-          tile.find(ground_, base);
-          if (tile.roofs.empty() && tile.lowered.empty() && tile.raised.empty()) continue;
-          append(roofs, tile.roofs);
-          append(lowered, tile.lowered);
-          append(raised, tile.raised);
-          others.push_back(tile);
+        for (const SurveyedTile& tile : tiles) {
+          const std::size_t before = edits.size();
+          tile.find(ground_, base, edits);
+          if (edits.size() > before) others.push_back(tile);
         }
-        if (round == 0)
-          changed += static_cast<std::int64_t>(roofs.size() + lowered.size() + raised.size());
-        lower(roofs);
-        lower(lowered);
-        raise(raised);
+        if (round == 0) changed += static_cast<std::int64_t>(edits.size());
+        lower(edits.roofs);
+        lower(edits.lowered);
+        raise(edits.raised);
         tiles = std::move(others);
       }
     }
@@ -227,7 +220,7 @@ void Tracker::raise(std::span<const ColumnEdit> edits) {
   if (edits.empty()) return;
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
   const std::int64_t added =
-      (moves_soil() ? add_loose : add_bank)(ground_, edits, 0, booked_to(own_samples(), 1));
+      add_samples(ground_, edits, 0, moves_soil(), booked_to(own_samples(), 1));
   surveyed_.added += added;
   surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
 }

@@ -23,21 +23,14 @@ void eigen(float a[3][3], float v[3][3]) {
         const float t =
             (theta < 0 ? -1.0f : 1.0f) / (std::abs(theta) + std::sqrt(theta * theta + 1));
         const float c = 1 / std::sqrt(t * t + 1), s = t * c;
-        for (int k = 0; k < 3; ++k) {
-          const float x = a[k][p], y = a[k][q];
-          a[k][p] = c * x - s * y;
-          a[k][q] = s * x + c * y;
-        }
-        for (int k = 0; k < 3; ++k) {
-          const float x = a[p][k], y = a[q][k];
-          a[p][k] = c * x - s * y;
-          a[q][k] = s * x + c * y;
-        }
-        for (int k = 0; k < 3; ++k) {
-          const float x = v[k][p], y = v[k][q];
-          v[k][p] = c * x - s * y;
-          v[k][q] = s * x + c * y;
-        }
+        const auto rotate = [&](float& x, float& y) {
+          const float before = x;
+          x = c * before - s * y;
+          y = s * before + c * y;
+        };
+        for (int k = 0; k < 3; ++k) rotate(a[k][p], a[k][q]);
+        for (int k = 0; k < 3; ++k) rotate(a[p][k], a[q][k]);
+        for (int k = 0; k < 3; ++k) rotate(v[k][p], v[k][q]);
       }
     }
   }

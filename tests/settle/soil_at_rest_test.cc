@@ -24,6 +24,13 @@ namespace soil_at_rest_test {
 constexpr double kVoxel = 0.1;
 constexpr double kDegree = std::numbers::pi / 180;
 
+/// Calls f(cell, rim) for the columns of a square around the origin.
+template <typename F>
+void each_column(int half, const F& f) {
+  for (int x = -half; x <= half; ++x)
+    for (int y = -half; y <= half; ++y) f(Coord2(x, y), std::max(std::abs(x), std::abs(y)) == half);
+}
+
 struct Site {
   Ground ground;
   Tracker tracker;
@@ -138,16 +145,12 @@ struct Roof {
 
   Roof(int gap, int thickness) {
     std::vector<ColumnEdit> heap, below;
-    for (int x = -6; x <= 6; ++x) {
-      for (int y = -6; y <= 6; ++y) {
-        heap.push_back({.cell = {x, y},
-                        .low = 0,
-                        .high = gap + thickness - 1,
-                        .samples = 64 * (gap + thickness)});
-        below.push_back({.cell = {x, y}, .low = 0, .high = gap - 1, .samples = 64 * gap});
-      }
-    }
-    add_loose(ground, heap, kSlope);
+    each_column(6, [&](const Coord2& cell, bool) {
+      const int high = gap + thickness;
+      heap.push_back({.cell = cell, .low = 0, .high = high - 1, .samples = 64 * high});
+      below.push_back({.cell = cell, .low = 0, .high = gap - 1, .samples = 64 * gap});
+    });
+    add_samples(ground, heap, kSlope, true);
     remove_top(ground, below, kSlope, false);
   }
   std::int64_t at_height(int z) const {
@@ -203,7 +206,7 @@ TEST(SoilAtRest, SoilThatACutLeftStandingInAPartOfItsColumnFallsWithinIt) {
     for (int y = -1; y <= 1; ++y)
       if (x != 0 || y != 0)
         around.push_back({.cell = {x, y}, .low = 0, .high = 8, .samples = 64 * 3});
-  add_loose(ground, around, kSlope);
+  add_samples(ground, around, kSlope, true);
   Settler settler(ground, *loam().soil, {});
   const std::int64_t samples = loose_samples(ground);
   ASSERT_GT(GroundWindow(ground, {0, 0}, 1, 1).at(0, 0).surface, 5);
@@ -287,12 +290,10 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> hollow, slot;
-    for (int x = -6; x <= 6; ++x) {
-      for (int y = -6; y <= 6; ++y) {
-        hollow.push_back(ColumnEdit::all({x, y}, -4 - depth, -5));
-        if (std::max(std::abs(x), std::abs(y)) == 6) slot.push_back(ColumnEdit::all({x, y}, -4, 0));
-      }
-    }
+    each_column(6, [&](const Coord2& cell, bool rim) {
+      hollow.push_back(ColumnEdit::all(cell, -4 - depth, -5));
+      if (rim) slot.push_back(ColumnEdit::all(cell, -4, 0));
+    });
     remove_top(ground, hollow, kSlope, true);
     const auto box = [](double low) {
       return Eigen::AlignedBox3d(Vec3(-0.7, -0.7, low), Vec3(0.7, 0.7, 0));
@@ -315,14 +316,10 @@ TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> cut;
-    for (int x = -4; x <= 4; ++x) {
-      for (int y = -4; y <= 4; ++y) {
-        const bool slot = std::max(std::abs(x), std::abs(y)) == 4;
-        // On one side there is no slot, and the ground is as it was.
-        if (x * dx + y * dy == 4) continue;
-        cut.push_back(ColumnEdit::all({x, y}, -8, slot ? 0 : -5));
-      }
-    }
+    each_column(4, [&, side = Coord2(dx, dy)](const Coord2& cell, bool rim) {
+      // On one side there is no slot, and the ground is as it was.
+      if (cell.dot(side) != 4) cut.push_back(ColumnEdit::all(cell, -8, rim ? 0 : -5));
+    });
     remove_top(ground, cut, kSlope, true);
     const std::uint64_t before = ground.state_hash();
     settle(settler, {Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)});
@@ -338,12 +335,9 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> cut;
-    for (int x = -6; x <= 6; ++x) {
-      for (int y = -6; y <= 6; ++y) {
-        const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
-        cut.push_back(ColumnEdit::all({x, y}, -7, slot ? 0 : -4));
-      }
-    }
+    each_column(6, [&](const Coord2& cell, bool rim) {
+      cut.push_back(ColumnEdit::all(cell, -7, rim ? 0 : -4));
+    });
     remove_top(ground, cut, kSlope, true);
     if (swapped) {
       ground.set_memory_limit(1, std::make_shared<io::SwapFile>(folder.path()));
@@ -362,13 +356,10 @@ TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> above, below;
-    for (int x = -6; x <= 6; ++x) {
-      for (int y = -6; y <= 6; ++y) {
-        const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
-        if (!slot) above.push_back(ColumnEdit::all({x, y}, z + 1, 0));
-        below.push_back(ColumnEdit::all({x, y}, -30, slot ? 0 : z - 1));
-      }
-    }
+    each_column(6, [&](const Coord2& cell, bool rim) {
+      if (!rim) above.push_back(ColumnEdit::all(cell, z + 1, 0));
+      below.push_back(ColumnEdit::all(cell, -30, rim ? 0 : z - 1));
+    });
     remove_top(ground, below, kSlope, true);
     remove_top(ground, above, kSlope, true);
     const double low_m = kVoxel * z;
