@@ -82,8 +82,8 @@ struct Box {
   }
   double settle_us() {
     const Stopwatch watch;
-    TileSet unrest;
-    settler.settle({Vec3(-kHalf_m, -kHalf_m, 0), Vec3(kHalf_m, kHalf_m, 1)}, true, unrest);
+    TileSet may_slide;
+    settler.settle({Vec3(-kHalf_m, -kHalf_m, 0), Vec3(kHalf_m, kHalf_m, 1)}, true, may_slide);
     return watch.us();
   }
   Heights columns() const { return heights(ground, -kSides / 2, -kSides / 2, kSides, kSides); }

@@ -63,7 +63,7 @@ Tracker::Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthm
       settlers_.push_back(std::make_unique<Settler>(ground, *pourer));
     settlers_.push_back(std::move(pourer));
   }
-  poured_unrest_ = std::make_unique<TileSet>();
+  pours_may_slide_ = std::make_unique<TileSet>();
   surveyed_samples_ = std::make_shared<SurveyedSamples>();
   for (const Pour& pour : earthmoving_.pours) {
     const double mass =
@@ -87,7 +87,7 @@ Tracker::Tracker(Ground& clone, const Tracker& other)
       poured_parts_(other.poured_parts_),
       surveyed_(other.surveyed_),
       surveyed_samples_(other.surveyed_samples_),
-      poured_unrest_(std::make_unique<TileSet>(*other.poured_unrest_)) {
+      pours_may_slide_(std::make_unique<TileSet>(*other.pours_may_slide_)) {
   const Ground& ground = other.ground_;
   if (clone.shared_terrain() != ground.shared_terrain() || clone.origin() != ground.origin() ||
       clone.voxel_size_m() != ground.voxel_size_m())
@@ -105,8 +105,9 @@ Settler* Tracker::settler(std::size_t machine) const {
   return moves_soil() ? settlers_[machine].get() : nullptr;
 }
 
-/// What one changed is no unrest of the others. What none of them changed is that of the next.
-void Tracker::forget_changes_of(std::size_t settler) {
+/// Where one changed the ground, nothing may slide for the others. What none of them changed is for
+/// the next.
+void Tracker::others_forget_changes(std::size_t settler) {
   for (std::size_t i = 0; i < settlers_.size(); ++i)
     if (i != settler) settlers_[i]->forget_changes();
 }
@@ -129,7 +130,7 @@ Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
     check_move(ground_, m, world_from_bucket);
     ground_.evict();
     const Update update = m.move(ground_, world_from_bucket);
-    forget_changes_of(machine);
+    others_forget_changes(machine);
     return update;
   });
 }
@@ -140,7 +141,7 @@ Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s
     check_move(ground_, m, motion, begin_s, end_s);
     ground_.evict();
     const Update update = m.move(ground_, motion, begin_s, end_s);
-    forget_changes_of(machine);
+    others_forget_changes(machine);
     return update;
   });
 }
@@ -158,7 +159,7 @@ Update Tracker::place(std::size_t machine, const Pose& world_from_bucket,
     check_move(ground_, m, world_from_bucket);
     ground_.evict();
     const Update update = m.place(ground_, world_from_bucket, time_s.value_or(kAnyTime));
-    forget_changes_of(machine);
+    others_forget_changes(machine);
     return update;
   });
 }
@@ -244,8 +245,8 @@ Update Tracker::pour(std::size_t pour, double until_s) {
       settler.drop({source.at_m, source.at_m}, Vec2::Zero(), poured(source, parts) - before,
                    all.falls_s(parts));
     }
-    settler.take_changes(*poured_unrest_);
-    forget_changes_of(machines_.size());
+    settler.take_changes(*pours_may_slide_);
+    others_forget_changes(machines_.size());
     Update update;
     update.slid_m3 =
         settler.units().loose_samples(settler.totals().slid - slid_before) * ground_.sample_m3();
@@ -262,11 +263,11 @@ Update Tracker::come_to_rest(std::optional<double> time_s) {
     std::int64_t moved = -1;
     for (int n = 0; n < kMaxRestRounds && moved != settled().moved(); ++n) {
       moved = settled().moved();
-      settlers_.back()->settle({}, false, *poured_unrest_);
-      forget_changes_of(machines_.size());
+      settlers_.back()->settle({}, false, *pours_may_slide_);
+      others_forget_changes(machines_.size());
       for (std::size_t m = 0; m < machines_.size(); ++m) {
         machines_[m]->come_to_rest(ground_, time_s.value_or(kAnyTime));
-        forget_changes_of(m);
+        others_forget_changes(m);
       }
     }
     const MassUnits& units = settlers_.back()->units();
@@ -318,7 +319,7 @@ std::string Tracker::state() const {
   for (const auto& machine : machines_) machine->save(bytes);
   if (moves_soil()) {
     for (const auto& settler : settlers_) settler->save(bytes);
-    poured_unrest_->save(bytes);
+    pours_may_slide_->save(bytes);
     for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   }
   put(bytes, surveyed_.removed, surveyed_.added, surveyed_.mass);
@@ -335,12 +336,12 @@ void Tracker::restore(std::string_view state, std::size_t count) {
     Machine(machines_[m]->bucket(), ground_, settler(m)).load(state, ground_);  // is it good?
   }
   std::vector<SettleTotals> totals(settlers_.size());
-  TileSet unrest;
+  TileSet may_slide;
   std::vector<std::int64_t> parts(poured_parts_.size());
   if (moves_soil()) {
     for (std::size_t i = 0; i < totals.size(); ++i)
       if (i < count || i + 1 == totals.size()) totals[i].load(state, settlers_.size());
-    unrest.load(state);
+    may_slide.load(state);
     for (std::size_t i = 0; i < parts.size(); ++i) {
       take(state, parts[i]);
       if (parts[i] < 0 ||
@@ -358,7 +359,7 @@ void Tracker::restore(std::string_view state, std::size_t count) {
   for (std::size_t m = 0; m < count; ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);
   for (std::size_t i = 0; i < settlers_.size(); ++i) settlers_[i]->restore(totals[i]);
-  *poured_unrest_ = unrest;
+  *pours_may_slide_ = may_slide;
   surveyed_ = surveyed;
   surveyed_samples_ = std::make_shared<SurveyedSamples>(std::move(samples));
 }

@@ -142,7 +142,7 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
     planning_us = share_us();
     for (std::size_t i = 0; i < moves.size(); ++i) {
       run(i);
-      forget_changes_of(moves[i].machine);
+      others_forget_changes(moves[i].machine);
     }
   }
   return updates;

@@ -162,7 +162,7 @@ void Tracker::correct(std::span<const SurveyChange> changes) {
   }
   lower(lowered);
   raise(raised);
-  forget_changes_of(settlers_.size());
+  others_forget_changes(settlers_.size());
 }
 
 std::int64_t Tracker::survey(const SurveyHeights& survey) {
@@ -193,7 +193,7 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
       }
     }
   }
-  forget_changes_of(settlers_.size());
+  others_forget_changes(settlers_.size());
   return changed;
 }
 

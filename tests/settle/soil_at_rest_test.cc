@@ -134,8 +134,8 @@ TEST(SoilAtRest, StandstillsDontDependOnUpdates) {
 }
 
 void settle(Settler& settler, const Eigen::AlignedBox3d& around_m) {
-  TileSet unrest;
-  settler.settle(around_m, true, unrest);
+  TileSet may_slide;
+  settler.settle(around_m, true, may_slide);
 }
 
 /// Loose soil over a gap, in columns of level ground.
@@ -210,13 +210,13 @@ TEST(SoilAtRest, SoilThatACutLeftStandingInAPartOfItsColumnFallsWithinIt) {
   Settler settler(ground, *loam().soil, {});
   const std::int64_t samples = loose_samples(ground);
   ASSERT_GT(GroundWindow(ground, {0, 0}, 1, 1).at(0, 0).surface, 5);
-  TileSet unrest;
-  unrest.add(Coord2(0, 0));
-  settler.settle({}, false, unrest);
+  TileSet may_slide;
+  may_slide.add(Coord2(0, 0));
+  settler.settle({}, false, may_slide);
   EXPECT_EQ(loose_samples(ground), samples);
   const GroundColumn column = GroundWindow(ground, {0, 0}, 1, 1).at(0, 0);
   EXPECT_LE(column.surface - column.top, 2);
-  EXPECT_TRUE(unrest.empty());
+  EXPECT_TRUE(may_slide.empty());
 }
 
 TEST(SoilAtRest, ALipHalfOverATruckGivesItHalf) {

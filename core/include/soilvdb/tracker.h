@@ -210,7 +210,7 @@ class Tracker {
   using Run = std::function<void(std::size_t)>;
   bool may_run_apart();
   bool run_apart(std::span<const Group> groups, std::span<const Move> moves, const Run& run);
-  void forget_changes_of(std::size_t settler);
+  void others_forget_changes(std::size_t settler);
   SurveyedSamples& own_samples();
   void lower(std::span<const ColumnEdit> edits);
   void raise(std::span<const ColumnEdit> edits);
@@ -224,7 +224,7 @@ class Tracker {
   std::shared_ptr<SurveyedSamples> surveyed_samples_;
   BatchCounts batch_counts_;
   int in_turn_ = 0, last_in_turn_ = 0;  // batches to be made in turn; the same after the last one
-  std::unique_ptr<TileSet> poured_unrest_;  // where poured soil may be too steep
+  std::unique_ptr<TileSet> pours_may_slide_;  // where poured soil may be too steep
 };
 
 }  // namespace soilvdb::inline v0
