@@ -49,7 +49,7 @@ struct BlockResidual {
            const Eigen::Vector2d& at) {
     const double on = column.alike / (column.variance + 1 / column.weight);
     const double with = on * column.alike;
-    if (sees.size() == 0) sees.setZero(a_less_b.size());
+    if (sees.size() == 0) sees = Eigen::VectorXd::Zero(a_less_b.size()).eval();
     weight += with;
     residual += on * column.residual;
     sees += on * a_less_b;
@@ -60,7 +60,7 @@ struct BlockResidual {
   }
   void add(const BlockResidual& other) {
     if (other.sees.size() == 0) return;
-    if (sees.size() == 0) sees.setZero(other.sees.size());
+    if (sees.size() == 0) sees = Eigen::VectorXd::Zero(other.sees.size()).eval();
     weight += other.weight;
     residual += other.residual;
     sees += other.sees;

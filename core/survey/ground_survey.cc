@@ -5,9 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <set>
 #include <stdexcept>
-#include <tuple>
 #include <unordered_set>
 #include <utility>
 #include <vector>
@@ -20,6 +18,18 @@
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0 {
+namespace {
+
+/// Numbers sensors anew when one has come.
+template <typename T>
+void make_room(std::map<int, T>& by_sensor, int came) {
+  std::map<int, T> moved;
+  for (auto& [sensor, of_sensor] : by_sensor)
+    moved.emplace(sensor < came ? sensor : sensor + 1, std::move(of_sensor));
+  by_sensor = std::move(moved);
+}
+
+}  // namespace
 
 std::string RayCounts::doubt() const {
   const std::int64_t all = used + through + added + dropped;
@@ -166,6 +176,41 @@ void SurveyState::read(SurveyTile& tile, How how) {
   }
 }
 
+bool SurveyState::is_seen(const SurveyTile& tile, std::size_t i) const {
+  const SurveyColumn& column = tile.columns[i];
+  return column.origin == kSurveyed || tile.is_met(i) ||
+         (surveyed && surveyed->are_of(tile.place(i), column.top));
+}
+
+double SurveyState::share_inside(const std::vector<Vec2>& boundary, const Coord2& column) const {
+  constexpr int kParts = 4;  // along each axis
+  int parts = 0;
+  for (int part = 0; part < kParts * kParts; ++part) {
+    const Vec2 in((part / kParts + 0.5) / kParts - 0.5, (part % kParts + 0.5) / kParts - 0.5);
+    const Vec2 place = column.cast<double>() + in;
+    parts += inside(boundary, ground.origin().head<2>() + voxel_m() * place);
+  }
+  return static_cast<double>(parts) / (kParts * kParts);
+}
+
+Eigen::AlignedBox2d SurveyState::index_box(const std::vector<Vec2>& places_m) const {
+  Eigen::AlignedBox2d box;
+  for (const Vec2& place : places_m) box.extend(index_of(place));
+  return box;
+}
+
+bool SurveyState::meets(const Eigen::AlignedBox2d& box, const Coord2& cell) {
+  const Vec2 low = cell.cast<double>().array() - 0.5, high = low.array() + kChunkSide;
+  return box.intersects(Eigen::AlignedBox2d(low, high));
+}
+
+SurveyState::Tiles SurveyState::changed_within(const Eigen::AlignedBox2d& box) const {
+  Tiles cells;
+  for (const Chunk* chunk : ground.chunks())
+    if (const Coord2 cell = chunk->origin.head<2>(); meets(box, cell)) cells.insert(mark(cell));
+  return cells;
+}
+
 void SurveyState::require_room(const Eigen::AlignedBox2d& around_m,
                                std::span<const Vec3> points_m) const {
   const double cells = 1 / voxel_m(), x0 = ground.origin().x(), y0 = ground.origin().y();
@@ -188,33 +233,47 @@ void SurveyState::require_room(const Eigen::AlignedBox2d& around_m,
         " voxels, and with this one see more; leave far points out, or take larger voxels");
 }
 
-std::optional<int> SurveyState::known(const Sensor& sensor) const {
-  for (std::size_t n = 0; n < sensors.size(); ++n)
-    if (sensors[n].name == sensor.name) {
-      const auto sigmas = [](const Sensor& s) {
-        return std::array{s.range_sigma_m,        s.range_squared_sigma_per_m,
-                          s.mount_height_sigma_m, s.mount_tilt_sigma_rad,
-                          s.mount_scale_sigma,    s.pose_shift_sigma_m,
-                          s.pose_turn_sigma_rad};
-      };
-      if (sigmas(sensors[n]) == sigmas(sensor)) return static_cast<int>(n);
-      throw std::invalid_argument("sensor '" + sensor.name +
-                                  "' had other sigmas before; give it another name");
-    }
-  if (sensors.size() >= kMostSensors)
+std::pair<int, bool> SurveyState::find(const Sensor& sensor) const {
+  const auto found =
+      std::lower_bound(sensors.begin(), sensors.end(), sensor,
+                       [](const Sensor& a, const Sensor& b) { return a.name < b.name; });
+  const bool is_known = found != sensors.end() && found->name == sensor.name;
+  if (is_known && std::any_of(std::begin(kSensorSigmas), std::end(kSensorSigmas),
+                              [&](const auto& s) { return (*found).*s.field != sensor.*s.field; }))
+    throw std::invalid_argument("sensor '" + sensor.name +
+                                "' had other sigmas before; give it another name");
+  if (!is_known && sensors.size() >= kMostSensors)
     throw std::invalid_argument("sensor '" + sensor.name + "': there were " +
                                 std::to_string(kMostSensors) +
                                 " others; give a sensor one name, not one for each scan");
-  return {};
+  return {static_cast<int>(found - sensors.begin()), is_known};
 }
 
 int SurveyState::sensor_of(const Sensor& sensor) {
-  if (const std::optional<int> number = known(sensor)) return *number;
+  const auto [number, is_known] = find(sensor);
+  if (is_known) return number;
   is_solved = false;  // so that it is recorded, also if its scan has no rays
-  sensors.push_back(sensor);
-  sensors.back().pose = {};  // which scans of one name need not share
-  set_places();
-  return static_cast<int>(sensors.size()) - 1;
+  sensors.insert(sensors.begin() + number, sensor)
+      ->pose = {};  // which scans of one name need not share
+  const Eigen::Index at = place_of(static_cast<std::size_t>(number));
+  widen_errors(at, kOfSensor);
+  const auto widen = [&](Eigen::VectorXd& values) {
+    if (values.size() > 0) values = widened(values, at, kOfSensor);
+  };
+  for (auto& [block, state] : blocks) {
+    state.sums.reset();
+    widen(state.solved);
+    widen(state.retired.sees);
+    widen(state.known.sees);
+  }
+  for (auto& [key, tile] : tiles) {
+    tile.parts.clear();
+    unsummed.insert(mark(tile.cell));
+    make_room(tile.sums, number);
+    for (auto& [column, votes] : tile.votes)
+      for (auto& [bin, hits] : votes.hits) make_room(hits, number);
+  }
+  return number;
 }
 
 GroundSurvey::GroundSurvey(Ground& ground, std::vector<Bucket> buckets,
@@ -254,7 +313,7 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
   }
   if (points_m.empty()) around_m.extend(from.head<2>());
   state_->require_room(around_m, points_m);
-  const bool is_known = state_->known(sensor).has_value();
+  const bool is_known = state_->find(sensor).second;
   ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.
   if (is_known && ends.count() == 0) return;
@@ -305,35 +364,23 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
   s.map.reader().refresh();
   std::fill(seen.begin(), seen.end(), HeightReader::kNoGround);
   std::fill(sigmas_m.begin(), sigmas_m.end(), HeightReader::kNoGround);
-  struct Place {
-    std::pair<int, int> tile;
-    std::size_t i;
-    Coord2 cell;
-    auto operator<=>(const Place& other) const {
-      return std::tie(tile, i) <=> std::tie(other.tile, other.i);
-    }
-  };
-  std::vector<Place> places;  // by tiles, each of which is read once
+  // By tiles, each of which is read once.
+  std::map<std::pair<int, int>, std::vector<std::pair<std::size_t, Coord2>>> places;
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
-    const Vec2 at = (xy_m[i] - s.ground.origin().head<2>()) / s.voxel_m();
+    const Vec2 at = s.index_of(xy_m[i]);
     if (!at.allFinite() || !(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
     const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-    places.push_back({SurveyState::mark(floor_to(cell, kChunkSide)), i, cell});
+    places[SurveyState::mark(floor_to(cell, kChunkSide))].emplace_back(i, cell);
   }
-  std::sort(places.begin(), places.end());
-  std::optional<SurveyTile> own;
-  const SurveyTile* tile = nullptr;
-  for (const auto& [of, i, cell] : places) {
-    if (tile == nullptr || SurveyState::mark(tile->cell) != of)
-      tile = &s.look({of.first, of.second}, own);
-    const std::size_t n = SurveyState::number_of(cell);
-    const SurveyColumn& column = tile->columns[n];
-    if (std::isnan(column.top)) continue;
-    sigmas_m[i] = std::sqrt(s.height_variance(*tile, n));
-    if (seen.empty()) continue;
-    seen[i] = column.origin == kSurveyed || (s.surveyed && s.surveyed->are_of(cell, column.top)) ||
-              std::any_of(tile->sums.begin(), tile->sums.end(),
-                          [&](const auto& sums) { return sums.second[n].rays > 0; });
+  for (const auto& [of, some] : places) {
+    std::optional<SurveyTile> own;
+    const SurveyTile& tile = s.look({of.first, of.second}, own);
+    for (const auto& [i, cell] : some) {
+      const std::size_t n = SurveyState::number_of(cell);
+      if (std::isnan(tile.columns[n].top)) continue;
+      sigmas_m[i] = std::sqrt(s.height_variance(tile, n));
+      if (!seen.empty()) seen[i] = s.is_seen(tile, n);
+    }
   }
 }
 
@@ -353,18 +400,10 @@ std::vector<Coord2> GroundSurvey::seen_squares() const {
 double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   SurveyState& s = *state_;
   s.map.reader().refresh();
-  Eigen::AlignedBox2d box;
-  for (const Vec2& corner : boundary)
-    box.extend((corner - s.ground.origin().head<2>()) / s.voxel_m());
-  std::set<std::pair<int, int>> cells;  // of tiles that are not as the terrain
-  const auto add = [&](const Coord2& cell) {
-    const Vec2 low = cell.cast<double>().array() - 0.5, high = low.array() + kChunkSide;
-    if (box.intersects(Eigen::AlignedBox2d(low, high))) cells.emplace(cell.x(), cell.y());
-  };
-  for (const auto& [key, tile] : s.tiles) add(tile.cell);
-  for (const Chunk* chunk : s.ground.chunks()) add(chunk->origin.head<2>());
-  // Parts of a column along each axis that are inside or not.
-  constexpr int kParts = 4;
+  const Eigen::AlignedBox2d box = s.index_box(boundary);
+  SurveyState::Tiles cells = s.changed_within(box);
+  for (const auto& [key, tile] : s.tiles)
+    if (SurveyState::meets(box, tile.cell)) cells.insert(SurveyState::mark(tile.cell));
   std::map<Block, BlockSums> blocks;
   Eigen::VectorXd sees(s.error_count());
   CommonErrors::Correction correction;
@@ -375,20 +414,14 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
     for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
       const SurveyColumn& column = tile.columns[n];
       if (std::isnan(column.top) || SurveyState::is_datum(column)) continue;
-      const int at = static_cast<int>(n);
-      int parts = 0;
-      for (int part = 0; part < kParts * kParts; ++part) {
-        const Vec2 in((part / kParts + 0.5) / kParts - 0.5, (part % kParts + 0.5) / kParts - 0.5);
-        const Vec2 place = Vec2(x + at / kChunkSide, y + at % kChunkSide) + in;
-        parts += inside(boundary, s.ground.origin().head<2>() + s.voxel_m() * place) ? 1 : 0;
-      }
-      if (parts == 0) continue;
+      const double share = s.share_inside(boundary, tile.place(n));
+      if (share == 0) continue;
       const Block block = s.block_of(tile, n);
       const BlockError error = s.error_of(block);
       const ColumnResidual residual = s.residual_of(tile, n, sees);
       s.correct(column, residual, error, sees, correction);
       s.add_volume(parts_of.try_emplace(block, s.error_count()).first->second, tile, n, residual,
-                   error, correction, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts), false);
+                   error, correction, square(s.voxel_m()) * share, false);
     }
     for (const auto& [block, part] : parts_of)
       blocks.try_emplace(block, s.error_count()).first->second.add(part);

@@ -371,7 +371,7 @@ void GroundView::ranges(const Vec3& from_m, const ScanRays& rays, std::span<floa
   for (std::size_t i = 0; i < rays.count(); ++i) {
     if (!std::isnan(ranges_m[i])) continue;
     others.push_back(i);
-    ways.emplace_back(rays.x[i], rays.y[i], rays.z[i]);
+    ways.push_back(rays.way(i));
   }
   std::vector<double> cast(ways.size());
   map_.cast(std::span(&from_m, 1), ways, cast).check();

@@ -21,6 +21,12 @@ struct ScanRays {
   void resize(std::size_t count) {
     for (std::vector<float>* values : {&x, &y, &z, &length_m}) values->resize(count);
   }
+  Vec3 way(std::size_t i) const { return {x[i], y[i], z[i]}; }
+  void set_way(std::size_t i, const Vec3& way) {
+    x[i] = static_cast<float>(way.x());
+    y[i] = static_cast<float>(way.y());
+    z[i] = static_cast<float>(way.z());
+  }
   void copy(std::size_t from, std::size_t to) {
     for (std::vector<float>* values : {&x, &y, &z, &length_m}) (*values)[to] = (*values)[from];
   }

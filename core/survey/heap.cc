@@ -22,8 +22,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-double squared(double x) { return x * x; }
-
 double median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -36,6 +34,7 @@ class HeapColumns {
   struct Column {
     double share = 0;  // of it that is inside the boundary
     double rise = 0;   // above the terrain, voxels
+    double loose = 0;  // depth of the loose soil, voxels
     double off = 0;    // by how much scans alone say that it is higher, voxels
     double height = HeightReader::kNoGround;  // by scans alone, where they saw it
     double variance = 0;                      // of the height, m^2
@@ -45,31 +44,21 @@ class HeapColumns {
   /// @throw std::invalid_argument without ground that was changed, or for too much of it
   HeapColumns(SurveyState& state, const std::vector<Vec2>& boundary) : state_(state) {
     if (boundary.size() < 3) throw std::invalid_argument("a boundary must have 3 corners or more");
-    Eigen::AlignedBox2d box;
-    for (const Vec2& corner : boundary) {
+    for (const Vec2& corner : boundary)
       if (!corner.allFinite()) throw std::invalid_argument("a corner of the boundary is no number");
-      box.extend(index_of(corner));
-    }
-    std::set<std::pair<int, int>> tiles;
-    Eigen::AlignedBox2d touched;
-    for (const Chunk* chunk : state.ground.chunks()) {
-      const Coord2 cell = chunk->origin.head<2>();
-      const Vec2 low = cell.cast<double>().array() - 0.5, high = low.array() + kChunkSide;
-      const Eigen::AlignedBox2d of_tile(low, high);
-      if (!box.intersects(of_tile)) continue;
-      touched.extend(of_tile);
-      tiles.emplace(cell.x(), cell.y());
-    }
+    const SurveyState::Tiles tiles = state.changed_within(state.index_box(boundary));
     if (tiles.empty())
       throw std::invalid_argument(
           "there is no heap inside the boundary: nothing was put down there");
-    if (touched.volume() > kMostHeapColumns)
-      throw std::invalid_argument("the boundary has " + text(touched.volume()) +
+    Eigen::AlignedBox2i touched;
+    for (const auto& [x, y] : tiles)
+      touched.extend(Coord2(x, y)).extend(Coord2(x + kChunkSide, y + kChunkSide));
+    first_ = touched.min();
+    size_ = touched.sizes();
+    if (const double count = 1.0 * size_.x() * size_.y(); count > kMostHeapColumns)
+      throw std::invalid_argument("the boundary has " + text(count) +
                                   " columns of voxels that changed, and may have " +
                                   text(kMostHeapColumns) + "; take one around a single heap");
-    first_ = (touched.min().array() + 1).cast<int>();
-    first_ = floor_to(first_, kChunkSide);
-    size_ = touched.sizes().array().round().cast<int>();
     columns_.resize(static_cast<std::size_t>(size_.x()) * static_cast<std::size_t>(size_.y()));
     on_ = Eigen::VectorXd::Zero(state.error_count());
     for (const auto& [x, y] : tiles) read({x, y}, boundary);
@@ -84,22 +73,16 @@ class HeapColumns {
   Coord2 cell(int x, int y) const { return first_ + Coord2(x, y); }
   /// Variance of the volume by what scans err, m^6.
   double variance() const { return on_.dot(state_.errors.covariance() * on_) + apart_; }
-  double loose(int x, int y) const { return loose_.at(number(x, y)); }
 
  private:
-  Vec2 index_of(const Vec2& place_m) const {
-    return (place_m - state_.ground.origin().head<2>()) / state_.voxel_m();
-  }
   std::size_t number(int x, int y) const { return static_cast<std::size_t>(x * size_.y() + y); }
 
   void read(const Coord2& cell, const std::vector<Vec2>& boundary) {
-    constexpr int kParts = 4;  // of a column along each axis that are inside or not
     HeightReader& reader = state_.map.reader();
     HeightReader::Columns dug, loose;
     const Coord2 size = Coord2::Constant(kChunkSide);
     reader.read(cell, size, static_cast<std::size_t>(MapLayer::kDug), kNoCeiling, dug);
     reader.read(cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling, loose);
-    loose_.resize(columns_.size());
     std::optional<SurveyTile> own;
     const SurveyTile& tile = state_.look(cell, own);
     Eigen::VectorXd sees(state_.error_count());
@@ -108,23 +91,14 @@ class HeapColumns {
         const auto n = static_cast<std::size_t>(x * kChunkSide + y);
         const SurveyColumn& of = tile.columns[n];
         if (std::isnan(of.top)) continue;
-        int parts = 0;
-        for (int part = 0; part < kParts * kParts; ++part) {
-          const Vec2 to((part / kParts + 0.5) / kParts - 0.5, (part % kParts + 0.5) / kParts - 0.5);
-          const Vec2 place = (cell + Coord2(x, y)).cast<double>() + to;
-          parts +=
-              inside(boundary, state_.ground.origin().head<2>() + state_.voxel_m() * place) ? 1 : 0;
-        }
         const Coord2 in = cell + Coord2(x, y) - first_;
         Column& column = columns_[number(in.x(), in.y())];
-        column.share = static_cast<double>(parts) / (kParts * kParts);
+        column.share = state_.share_inside(boundary, cell + Coord2(x, y));
         column.height = of.top;
         column.rise = -dug.at(x, y);
         column.variance = state_.height_variance(tile, n);
-        column.is_seen = of.origin == kSurveyed ||
-                         std::any_of(tile.sums.begin(), tile.sums.end(),
-                                     [&](const auto& sums) { return sums.second[n].rays > 0; });
-        loose_[number(in.x(), in.y())] = loose.at(x, y);
+        column.is_seen = state_.is_seen(tile, n);
+        column.loose = loose.at(x, y);
         // What was expected of the heap depends on the swell and the angle that are asked for, so
         // that only scans tell its height.
         const ColumnResidual residual = state_.residual_of(tile, n, sees);
@@ -133,9 +107,9 @@ class HeapColumns {
         column.height = of.first + off / state_.voxel_m();
         column.off = column.height - of.top;
         column.variance = 1 / residual.weight;
-        const double area = column.share * squared(state_.voxel_m());
+        const double area = column.share * square(state_.voxel_m());
         on_ += area * sees;
-        apart_ += squared(area) * column.variance;
+        apart_ += square(area) * column.variance;
       }
     }
   }
@@ -143,9 +117,8 @@ class HeapColumns {
   SurveyState& state_;
   Coord2 first_ = {0, 0}, size_ = {0, 0};
   std::vector<Column> columns_;
-  std::vector<double> loose_;  // depth of the loose soil, voxels
-  Eigen::VectorXd on_;         // how the volume depends on common errors, m^2
-  double apart_ = 0;           // its variance by what errs column by column, m^6
+  Eigen::VectorXd on_;  // how the volume depends on common errors, m^2
+  double apart_ = 0;    // its variance by what errs column by column, m^6
 };
 
 /// The slope of the flanks: in each direction from the middle the median over squares that lie on
@@ -156,7 +129,7 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
   const double squares = side * static_cast<double>(side * (side * side - 1)) / 12;
   const double mean_square = (side * side - 1) / 12.0;
   double fourths = 0;  // sum of (u^2 - mean_square)^2
-  for (int u = -half; u <= half; ++u) fourths += side * squared(u * u - mean_square);
+  for (int u = -half; u <= half; ++u) fourths += side * square(u * u - mean_square);
   Vec2 middle = Vec2::Zero();
   double whole = 0;
   for (int x = 0; x < columns.size().x(); ++x)
@@ -198,10 +171,10 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
       const Vec2 slope = Vec2(a, b) / squares;
       const Vec2 along = Vec2(-b, a).normalized();  // the contour
       const double bend =
-          (bends.x() * squared(along.x()) + bends.y() * squared(along.y())) / fourths +
+          (bends.x() * square(along.x()) + bends.y() * square(along.y())) / fourths +
           bends.z() * along.x() * along.y() / (squares * mean_square);
       // Around a cone the slope turns within a square: a plane is flatter than its middle.
-      const double turned = 2 * mean_square * squared(bend) / slope.squaredNorm();
+      const double turned = 2 * mean_square * square(bend) / slope.squaredNorm();
       windows.push_back({slope.norm() * (1 + turned),
                          std::min(kFlankSectors - 1, static_cast<int>(turn * kFlankSectors))});
       variance += own / (side * side);
@@ -227,7 +200,7 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
   const auto count = static_cast<double>(sectors.size());
   const double mean = std::accumulate(sectors.begin(), sectors.end(), 0.0) / count;
   double spread = 0;
-  for (const double sector : sectors) spread += (sector - mean) * (sector - mean);
+  for (const double sector : sectors) spread += square(sector - mean);
   // Heights at foot and crest err by their sigmas, each flank by itself.
   const double run_m = (kFlankHigh - kFlankLow) * height * voxel_m / std::tan(mean);
   const double of_heights = std::pow(std::cos(mean), 2) * std::sqrt(2 * variance) / run_m;
@@ -285,14 +258,13 @@ Heap GroundSurvey::heap(const std::vector<Vec2>& boundary, const SurveyedSamples
       const HeapColumns::Column& column = columns.at(x, y);
       if (!(column.share > 0)) continue;
       const SurveyedSamples::Column surveyed = samples.at(columns.cell(x, y));
-      const double loose = columns.loose(x, y), bank = column.rise - loose;
-      if (kSamplesOfCell * bank - surveyed.bank < -kHeapCutSamples) {
+      if (kSamplesOfCell * (column.rise - column.loose) - surveyed.bank < -kHeapCutSamples) {
         const Vec2 at = columns.place_m(x, y);
         throw std::invalid_argument("the boundary has cut ground in it, as at (" + text(at.x()) +
                                     ", " + text(at.y()) + "); take one around the heap alone");
       }
       above += column.share * (column.rise + column.off);
-      put += column.share * (loose - surveyed.loose / kSamplesOfCell);
+      put += column.share * (column.loose - surveyed.loose / kSamplesOfCell);
       if (column.rise <= 1) continue;
       rises.push_back(column.rise);
       area += column.share;

@@ -70,12 +70,7 @@ class PoseFit {
 
   void turn_rays() {
     const Eigen::Matrix3d turn = turn_by(error_.tail<3>()).toRotationMatrix();
-    for (std::size_t i = 0; i < told_.count(); ++i) {
-      const Vec3 way = turn * Vec3(told_.x[i], told_.y[i], told_.z[i]);
-      rays_.x[i] = static_cast<float>(way.x());
-      rays_.y[i] = static_cast<float>(way.y());
-      rays_.z[i] = static_cast<float>(way.z());
-    }
+    for (std::size_t i = 0; i < told_.count(); ++i) rays_.set_way(i, turn * told_.way(i));
   }
 
   /// Is a column as it always was, and neither steep nor beside an edge?
@@ -95,7 +90,7 @@ class PoseFit {
     for (std::size_t i = 0; i < rays_.count(); ++i) {
       const double range = ranges_[i];
       if (!(range > 0) || !std::isfinite(range)) continue;
-      const Vec3 way(rays_.x[i], rays_.y[i], rays_.z[i]), p = range * way;
+      const Vec3 way = rays_.way(i), p = range * way;
       const Vec3 at = state_.ground.index_from_world(from + p);
       if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) continue;
       const Coord2 column(cell_of(at.x()), cell_of(at.y()));
@@ -111,9 +106,7 @@ class PoseFit {
       if (descent > -kLeastDescent) continue;
       ++all;
       const double length = rays_.length_m[i], residual = (length - range) * descent;
-      const double error =
-          kScanErrorM -
-          descent * (sensor_.range_sigma_m + sensor_.range_squared_sigma_per_m * length * length);
+      const double error = kScanErrorM - descent * model_.sigma(length);
       const double along = range * descent, scale = sensor_.mount_scale_sigma * along;
       const PoseError on = lever(slope, p);
       if (residual * residual >=
@@ -121,12 +114,8 @@ class PoseFit {
                on.dot(covariance_ * on)))
         continue;
       ++met;
-      const auto units = [](double value, double unit) {
-        return std::int64_t{std::lrint(value / unit)};
-      };
-      tile->sums[n].add(
-          std::max<std::int64_t>(1, std::lrint(1 / (error * error))), units(residual, kScanUnit_m),
-          {0, units(p.x(), kScanLever_m), units(p.y(), kScanLever_m), units(along, kScanLever_m)});
+      tile->sums[n].add(ray_weight(error), height_units(residual),
+                        {0, levers(p.x()), levers(p.y()), levers(along)});
     }
     return 2 * met >= all && has_blocks();
   }
@@ -137,8 +126,7 @@ class PoseFit {
     for (const auto& [cell, of] : tiles_)
       for (std::size_t i = 0; i < of.sums.size(); ++i)
         if (of.sums[i].rays > 0) {
-          const int n = static_cast<int>(i);
-          const Coord2 column = of.tile->cell + Coord2(n / kChunkSide, n % kChunkSide);
+          const Coord2 column = of.tile->place(i);
           blocks.emplace(SurveyState::square_of(column.x(), side),
                          SurveyState::square_of(column.y(), side));
         }
@@ -187,6 +175,7 @@ class PoseFit {
 
   SurveyState& state_;
   const Sensor& sensor_;
+  const RangeModel model_ = range_model(sensor_);
   const ScanRays& told_;
   ScanRays rays_;  // turned
   std::vector<float> ranges_;

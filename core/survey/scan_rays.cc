@@ -120,17 +120,6 @@ class Mask {
   ScanRays few_;
 };
 
-std::int64_t levers(float value_m) {
-  return std::lrint(static_cast<double>(value_m) * kScanLeversPerM);
-}
-/// Of a residual or a height; what is farther is no residual.
-std::int64_t height_units(double height_m) {
-  return std::lrint(std::clamp(height_m, -kMostScanHeightM, kMostScanHeightM) * kScanUnitsPerM);
-}
-std::int64_t weight_of(float sigma_m) {
-  return std::max<std::int64_t>(1, std::lrint(1 / (sigma_m * sigma_m)));
-}
-
 /// Tiles about a sensor that are found without a look-up, columns.
 constexpr int kReach = 512, kTilesAbout = 2 * kReach / kChunkSide + 1;
 
@@ -176,8 +165,7 @@ class Rays {
   Rays(SurveyState& state, const Sensor& sensor, int number)
       : state_(state),
         from_(sensor.pose.position),
-        constant_(static_cast<float>(sensor.range_sigma_m)),
-        squared_(static_cast<float>(sensor.range_squared_sigma_per_m)),
+        model_(range_model(sensor)),
         number_(number),
         h_(static_cast<float>(state.voxel_m())),
         mount_{static_cast<float>(height_sigma_m(sensor) * height_sigma_m(sensor)),
@@ -223,7 +211,7 @@ class Rays {
   };
 
   void take(const Ray& ray, float range) {
-    const float sigma = constant_ + squared_ * ray.length * ray.length;
+    const float sigma = model_.sigma(ray.length);
     RayCounts& rays = state_.rays;
     if (range == 0 || !is_near_) {  // the sensor is below the ground
       ++rays.dropped;
@@ -311,7 +299,7 @@ class Rays {
     if (column.top != column.first)
       r += height_units((column.top - column.first) * state_.voxel_m());
     if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
-    (*met.slot->sums)[met.i].add(weight_of(error), r, sees(x, y, z));
+    (*met.slot->sums)[met.i].add(ray_weight(error), r, sees(x, y, z));
     ++column.rays;
     if (find(ends_, ray.number, end)) {
       SurveyColumn& in = end.column();
@@ -333,14 +321,14 @@ class Rays {
     ++hits.rays;
     hits.cells.add(end.quarter, area_of(ray));
     hits.height += height_units(height);
-    hits.sums.add(weight_of(sigma * std::abs(ray.z) + static_cast<float>(kScanErrorM)), 0,
+    hits.sums.add(ray_weight(sigma * std::abs(ray.z) + static_cast<float>(kScanErrorM)), 0,
                   sees(x, y, z));
     return true;
   }
 
   SurveyState& state_;
   const Vec3 from_;
-  const float constant_, squared_;  // of a ray's sigma
+  const RangeModel model_;
   const int number_;
   const float h_;
   const std::array<float, 3> mount_;  // variances of its height, its tilts, its scale
@@ -354,69 +342,6 @@ class Rays {
 };
 
 }  // namespace
-
-bool SurveyState::is_met(const Vec3& end) const {
-  const Vec3 at = ground.index_from_world(end);
-  const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-  std::int64_t count = 0;
-  std::optional<Coord2> last;
-  auto tile = tiles.end();
-  for (int dx = -1; dx <= 1; ++dx) {
-    for (int dy = -1; dy <= 1; ++dy) {
-      const Coord2 near = cell + Coord2(dx, dy), low = floor_to(near, kChunkSide);
-      if (last != low) tile = tiles.find(plan_key(low));
-      last = low;
-      if (tile == tiles.end()) continue;
-      const std::size_t i = number_of(near);
-      const auto votes = tile->second.votes.find(static_cast<int>(i));
-      if (votes == tile->second.votes.end()) continue;
-      const int bin =
-          static_cast<int>(std::floor((end.z() - first_m(tile->second.columns[i])) / kScanBinM));
-      const auto& hits = votes->second.hits;
-      for (auto of = hits.lower_bound(bin - 1); of != hits.end() && of->first <= bin + 1; ++of)
-        for (const auto& [sensor, some] : of->second) count += some.rays;
-    }
-  }
-  return count >= kScanVotes;
-}
-
-/// Votes of columns whose soil lies above rays, short of their ends. Only where other rays end as
-/// well: mirrors and leaves let single rays end anywhere.
-void SurveyState::see_through() {
-  const double h = voxel_m();
-  for (const ThroughRay& ray : through) {
-    const Vec3 way = ray.to - ray.from;
-    const double length = way.norm();
-    const Vec3 along = way / length;
-    const double step = h / std::max(along.head<2>().norm(), 0.3);
-    const double end = length - std::max(kThroughShortM, 3 * ray.sigma_m);
-    const double room = kThroughRoomM + 3.5 * ray.sigma_m * std::abs(along.z());
-    if (!is_met(ray.to)) continue;
-    bool any = false;
-    std::optional<Coord2> last;
-    SurveyTile* in = nullptr;
-    for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
-      const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);
-      if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) break;
-      const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-      if (in == nullptr || in->cell != floor_to(cell, kChunkSide)) in = &tile_of(cell);
-      SurveyTile& tile = *in;
-      const std::size_t i = number_of(cell);
-      const SurveyColumn& column = tile.columns[i];
-      const double ceiling = place.z() + room;
-      if (!(ceiling < ground.origin().z() + h * column.top) || column.changed > ray.time) continue;
-      news.insert(mark(tile.cell));
-      ScanVotes& votes = tile.votes[static_cast<int>(i)];
-      const std::int64_t height = height_units(ceiling - first_m(column));
-      votes.ceiling = votes.through == 0 ? height : std::min(votes.ceiling, height);
-      votes.through += last == cell ? 0 : 1;
-      last = cell;
-      any = true;
-    }
-    rays.through += any;
-  }
-  through.clear();
-}
 
 ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
                                std::span<const Pose* const> poses,
@@ -441,12 +366,8 @@ ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> point
       const Vec3 way = point - from;
       const double length = way.norm();
       if (length < std::numeric_limits<float>::min()) continue;  // it has no direction
-      const Vec3 along = (1 / length) * way;
-      all.x[count] = static_cast<float>(along.x());
-      all.y[count] = static_cast<float>(along.y());
-      all.z[count] = static_cast<float>(along.z());
-      all.length_m[count] = static_cast<float>(length);
-      ++count;
+      all.set_way(count, (1 / length) * way);
+      all.length_m[count++] = static_cast<float>(length);
       around.extend(way.cast<float>());
     }
     if (masks.empty()) continue;

@@ -4,8 +4,8 @@
 
 #include "core/constants.h"
 #include "core/lattice/text.h"
+#include "core/survey/sensor_model.h"
 #include "soilvdb/motion.h"
-#include "soilvdb/survey.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -23,12 +23,6 @@ constexpr KnownNoise kKnownNoises[] = {
     {"realsense_d455", {0, 0.08 / (337 * 0.095)}},
 };
 
-void require_sigma(double value, const char* field, double least, double most) {
-  if (value >= least && value <= most) return;
-  throw std::invalid_argument(std::string(field) + " is " + text(value) + "; it must be from " +
-                              text(least) + " to " + text(most));
-}
-
 }  // namespace
 
 RangeNoise noise_of(std::string_view model) {
@@ -44,15 +38,12 @@ RangeNoise noise_of(std::string_view model) {
 void Sensor::validate() const {
   if (const std::string what = validation_error(pose); !what.empty())
     throw std::invalid_argument("a sensor's pose: " + what);
-  require_sigma(range_sigma_m, "range_sigma", 0, kMostSensorSigma);
-  require_sigma(range_squared_sigma_per_m, "range_squared_sigma", 0, kMostSensorSigma);
+  for (const SensorSigma& sigma : kSensorSigmas)
+    if (const double value = this->*sigma.field; !(value >= 0 && value <= kMostSensorSigma))
+      throw std::invalid_argument(std::string(sigma.name) + " is " + text(value) +
+                                  "; it must be from 0 to " + text(kMostSensorSigma));
   if (range_sigma_m == 0 && range_squared_sigma_per_m == 0)
     throw std::invalid_argument("range_sigma and range_squared_sigma are 0; one must be more");
-  require_sigma(mount_height_sigma_m, "mount_height_sigma", 0, kMostSensorSigma);
-  require_sigma(mount_tilt_sigma_rad, "mount_tilt_sigma", 0, kMostSensorSigma);
-  require_sigma(mount_scale_sigma, "mount_scale_sigma", 0, kMostSensorSigma);
-  require_sigma(pose_shift_sigma_m, "pose_shift_sigma", 0, kMostSensorSigma);
-  require_sigma(pose_turn_sigma_rad, "pose_turn_sigma", 0, kMostSensorSigma);
 }
 
 }  // namespace soilvdb::inline v0

@@ -13,8 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// The second is of sensors of which some move.
-constexpr std::uint32_t kSurveyFormat = 6, kMovingFormat = 7;
+constexpr std::uint32_t kSurveyFormat = 7;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -77,18 +76,13 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
   take_cells(in, column.cells);
 }
 
-/// @param numbers of sensors as they are saved
-void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>& numbers) {
+void put_votes(std::string& out, const ScanVotes& votes) {
   put(out, votes.through, votes.ceiling, votes.told, votes.others);
   put_number(out, votes.hits.size());
   for (const auto& [bin, hits] : votes.hits) {
     put(out, bin);
     put_number(out, hits.size());
-    std::map<int, const ScanHits*> sorted;
-    for (const auto& [sensor, of_sensor] : hits)
-      sorted[numbers[static_cast<std::size_t>(sensor)]] = &of_sensor;
-    for (const auto& [sensor, of] : sorted) {
-      const ScanHits& of_sensor = *of;
+    for (const auto& [sensor, of_sensor] : hits) {
       put_number(out, static_cast<std::uint64_t>(sensor));
       put(out, of_sensor.rays, of_sensor.height);
       put_cells(out, of_sensor.cells);
@@ -96,8 +90,7 @@ void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>&
     }
   }
 }
-/// @param numbers of the saved sensors now
-void take_votes_of(std::string_view& in, ScanVotes& votes, const std::vector<int>& numbers) {
+void take_votes_of(std::string_view& in, ScanVotes& votes, std::size_t sensors) {
   take_amount(in, votes.through);
   take(in, votes.ceiling);
   take_amount(in, votes.told);
@@ -105,8 +98,8 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, const std::vector<int
   for (auto bins = take_number<std::uint64_t>(in, in.size() + 1); bins > 0; --bins) {
     int bin = 0;
     take(in, bin);
-    for (auto count = take_number<std::uint64_t>(in, numbers.size() + 1); count > 0; --count) {
-      ScanHits& hits = votes.hits[bin][numbers[take_number<std::size_t>(in, numbers.size())]];
+    for (auto count = take_number<std::uint64_t>(in, sensors + 1); count > 0; --count) {
+      ScanHits& hits = votes.hits[bin][take_number<int>(in, sensors)];
       take_amount(in, hits.rays);
       take(in, hits.height);
       take_cells(in, hits.cells);
@@ -147,27 +140,21 @@ Block take_block(std::string_view& in, std::uint64_t origins) {
   return block;
 }
 
-/// @param numbers of sensors as they are saved
-void put_tile(std::string& out, const SurveyTile& tile, const std::vector<int>& numbers) {
+void put_tile(std::string& out, const SurveyTile& tile) {
   put(out, tile.cell);
   for (const SurveyColumn& column : tile.columns) put_column(out, column);
   put_number(out, tile.sums.size());
-  std::map<int, const std::array<ScanSums, BaseColumn::kCells>*> sums;
-  for (const auto& [sensor, of_sensor] : tile.sums)
-    sums[numbers[static_cast<std::size_t>(sensor)]] = &of_sensor;
-  for (const auto& [sensor, of_sensor] : sums) {
+  for (const auto& [sensor, of_sensor] : tile.sums) {
     put_number(out, static_cast<std::uint64_t>(sensor));
-    for (const ScanSums& of_column : *of_sensor) put_sums(out, of_column);
+    for (const ScanSums& of_column : of_sensor) put_sums(out, of_column);
   }
   put_number(out, tile.votes.size());
   for (const auto& [column, votes] : tile.votes) {
     put_number(out, static_cast<std::uint64_t>(column));
-    put_votes(out, votes, numbers);
+    put_votes(out, votes);
   }
 }
-/// @param numbers of the saved sensors now
-void take_tile(std::string_view& in, SurveyState& s, const std::vector<int>& numbers,
-               std::uint64_t origins) {
+void take_tile(std::string_view& in, SurveyState& s, std::uint64_t origins) {
   const Coord2 cell = take_cell(in);
   SurveyTile& tile = s.tiles[plan_key(cell)];
   std::map<Block, BlockSums> parts = std::move(tile.parts);  // which sums still have in them
@@ -175,12 +162,12 @@ void take_tile(std::string_view& in, SurveyState& s, const std::vector<int>& num
   tile.cell = cell;
   tile.parts = std::move(parts);
   for (SurveyColumn& column : tile.columns) take_column(in, column, origins);
-  for (auto sums = take_number<std::uint64_t>(in, numbers.size() + 1); sums > 0; --sums)
-    for (ScanSums& of_column : tile.sums[numbers[take_number<std::size_t>(in, numbers.size())]])
-      take_sums(in, of_column);
+  const std::size_t sensors = s.sensors.size();
+  for (auto sums = take_number<std::uint64_t>(in, sensors + 1); sums > 0; --sums)
+    for (ScanSums& of_column : tile.sums[take_number<int>(in, sensors)]) take_sums(in, of_column);
   for (auto votes = take_number<std::uint64_t>(in, BaseColumn::kCells + 1); votes > 0; --votes) {
     const int column = take_number<int>(in, BaseColumn::kCells);
-    take_votes_of(in, tile.votes[column], numbers);
+    take_votes_of(in, tile.votes[column], sensors);
   }
   s.stale.insert(SurveyState::mark(cell));
   s.unsummed.insert(SurveyState::mark(cell));
@@ -199,18 +186,14 @@ void put_block_state(std::string& out, const SurveyState::BlockState& state) {
 
 void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& tiles,
                 const std::set<Block>& blocks) {
-  const bool any_moves = std::any_of(s.sensors.begin(), s.sensors.end(), is_moving);
-  put(out, any_moves ? kMovingFormat : kSurveyFormat, all);
+  put(out, kSurveyFormat, all);
   put_number(out, s.sensors.size());
-  for (const int number : s.by_name) {  // so that the order of their first scans does not show
-    const Sensor& sensor = s.sensors[static_cast<std::size_t>(number)];
+  for (const Sensor& sensor : s.sensors) {
     put_text(out, sensor.name);
-    put(out, sensor.pose, sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
-        sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma);
-    if (any_moves) put(out, sensor.pose_shift_sigma_m, sensor.pose_turn_sigma_rad);
+    put(out, sensor.pose);
+    for (const SensorSigma& sigma : kSensorSigmas) put(out, sensor.*sigma.field);
   }
   put_number(out, s.buckets.size());
-  // Whose places are by the sensors' names.
   const CommonErrors& errors = s.errors;
   for (Eigen::Index i = 0; i < errors.mean().size(); ++i) {
     put(out, errors.mean()[i]);
@@ -241,7 +224,7 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   }
   put(out, s.is_solved, s.sigma_m3);
   put_number(out, tiles.size());
-  for (const auto& [x, y] : tiles) put_tile(out, s.tiles.at(plan_key({x, y})), s.ranks);
+  for (const auto& [x, y] : tiles) put_tile(out, s.tiles.at(plan_key({x, y})));
   put_cells_of(out, s.news);
   put(out, s.has_corrected, s.is_first);
   if (!all) return;
@@ -283,7 +266,7 @@ void GroundSurvey::load(std::string_view& in) {
   std::uint32_t format = 0;
   bool all = false;
   take(in, format);
-  if (format != kSurveyFormat && format != kMovingFormat)
+  if (format != kSurveyFormat)
     throw std::invalid_argument("the state of the scans is of another version of soilvdb");
   take(in, all);
   if (all) {
@@ -294,36 +277,33 @@ void GroundSurvey::load(std::string_view& in) {
   }
   SurveyState& s = *state_;
   const std::uint64_t origins = kFirstMachine + s.buckets.size();
-  std::vector<int> numbers;  // now, of the saved sensors
-  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+  const int sensors = take_number<int>(in, kMostSensors + 1);
+  for (int n = 0; n < sensors; ++n) {
     Sensor sensor;
     sensor.name = take_text(in);
-    take(in, sensor.pose, sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
-         sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma);
-    if (format == kMovingFormat) take(in, sensor.pose_shift_sigma_m, sensor.pose_turn_sigma_rad);
+    take(in, sensor.pose);
+    for (const SensorSigma& sigma : kSensorSigmas) take(in, sensor.*sigma.field);
     sensor.validate();
-    numbers.push_back(s.sensor_of(sensor));
+    if (s.sensor_of(sensor) != n) refuse_survey();
   }
-  if (numbers.size() != s.sensors.size()) refuse_survey();
+  if (std::ssize(s.sensors) != sensors) refuse_survey();
   // Machines may have come since.
   const auto machines = take_number<std::size_t>(in, in.size() + 1);
   if (machines > s.buckets.size())
     throw std::invalid_argument("the state of the scans is of " + std::to_string(machines) +
                                 " machines, and the site has " + std::to_string(s.buckets.size()) +
                                 "; with scans machines stay, also those without a state");
-  const std::size_t came = s.buckets.size() - machines;
-  const auto known_errors = s.error_count() - static_cast<Eigen::Index>(came);
+  const auto at = static_cast<Eigen::Index>(machines);
+  const Eigen::Index came = std::ssize(s.buckets) - at, known_errors = s.error_count() - came;
   Eigen::VectorXd mean(known_errors);
   Eigen::MatrixXd covariance(known_errors, known_errors);
-  std::vector<Eigen::Index> to;
   for (Eigen::Index i = 0; i < known_errors; ++i) {
-    to.push_back(i + static_cast<Eigen::Index>(to.size() < machines ? 0 : came));
     mean[i] = take_finite(in);
     for (Eigen::Index j = 0; j <= i; ++j) covariance(i, j) = covariance(j, i) = take_finite(in);
     if (!(covariance(i, i) > 0)) refuse_survey();
   }
   s.errors = CommonErrors(std::move(mean), std::move(covariance));
-  s.widen_errors(to);
+  s.widen_errors(at, came);
   for (std::int64_t* value :
        {&s.rays.used, &s.rays.masked, &s.rays.through, &s.rays.added, &s.rays.dropped})
     take_amount(in, *value);
@@ -343,9 +323,9 @@ void GroundSurvey::load(std::string_view& in) {
     const Block block = take_block(in, origins);
     SurveyState::BlockState& state = s.blocks[block];
     const auto take_errors = [&](bool any, Eigen::VectorXd& values) {
-      values = Eigen::VectorXd::Zero(any ? s.error_count() : 0);
-      if (!any) return;
-      for (const Eigen::Index at : to) values[at] = take_finite(in);
+      values.resize(any ? known_errors : 0);
+      for (double& value : values) value = take_finite(in);
+      if (any) values = SurveyState::widened(values, at, came);
     };
     for (BlockResidual* told : {&state.retired, &state.known}) {
       told->weight = take_finite(in);
@@ -371,7 +351,7 @@ void GroundSurvey::load(std::string_view& in) {
   take(in, s.is_solved);
   s.sigma_m3 = take_finite(in);
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count)
-    take_tile(in, s, numbers, origins);
+    take_tile(in, s, origins);
   s.news.clear();
   take_cells_of(in, s, s.news);
   take(in, s.has_corrected, s.is_first);

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -13,61 +12,27 @@
 #include "core/survey/survey_state.h"
 
 namespace soilvdb::inline v0 {
-namespace {
 
-double square(double value) { return value * value; }
-
-}  // namespace
-
-void SurveyState::set_places() {
-  const std::vector<int> before = by_name;
-  by_name.resize(sensors.size());
-  ranks.resize(sensors.size());
-  std::iota(by_name.begin(), by_name.end(), 0);
-  std::sort(by_name.begin(), by_name.end(), [&](int a, int b) {
-    return sensors[static_cast<std::size_t>(a)].name < sensors[static_cast<std::size_t>(b)].name;
-  });
-  for (std::size_t n = 0; n < by_name.size(); ++n)
-    ranks[static_cast<std::size_t>(by_name[n])] = static_cast<int>(n);
-  std::vector<Eigen::Index> to(lip_sigmas_m.size());
-  std::iota(to.begin(), to.end(), 0);
-  for (const int sensor : before)
-    for (int n = 0; n < kOfSensor; ++n)
-      to.push_back(place_of(static_cast<std::size_t>(sensor)) + n);
-  widen_errors(to);
-  const auto widen = [&](Eigen::VectorXd& values) {
-    if (values.size() == 0) return;
-    const Eigen::VectorXd old = std::exchange(values, Eigen::VectorXd::Zero(error_count()));
-    for (std::size_t i = 0; i < to.size(); ++i) values[to[i]] = old[static_cast<Eigen::Index>(i)];
-  };
-  for (auto& [block, state] : blocks) {
-    state.sums.reset();
-    widen(state.solved);
-    widen(state.retired.sees);
-    widen(state.known.sees);
-  }
-  for (auto& [key, tile] : tiles) {
-    tile.parts.clear();
-    unsummed.insert(mark(tile.cell));
-  }
+Eigen::VectorXd SurveyState::widened(const Eigen::VectorXd& values, Eigen::Index at,
+                                     Eigen::Index count) {
+  Eigen::VectorXd wide = Eigen::VectorXd::Zero(values.size() + count);
+  wide.head(at) = values.head(at);
+  wide.tail(values.size() - at) = values.tail(values.size() - at);
+  return wide;
 }
 
-void SurveyState::widen_errors(const std::vector<Eigen::Index>& to) {
-  const Eigen::VectorXd variances = prior();
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(variances.size());
-  Eigen::MatrixXd covariance = variances.asDiagonal();
-  for (std::size_t i = 0; i < to.size(); ++i) {
-    mean[to[i]] = errors.mean()[static_cast<Eigen::Index>(i)];
-    for (std::size_t j = 0; j < to.size(); ++j)
-      covariance(to[i], to[j]) =
-          errors.covariance()(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-  }
-  errors = CommonErrors(std::move(mean), std::move(covariance));
+void SurveyState::widen_errors(Eigen::Index at, Eigen::Index count) {
+  const Eigen::MatrixXd& before = errors.covariance();
+  const Eigen::Index behind = before.rows() - at;
+  Eigen::MatrixXd covariance = prior().asDiagonal();
+  covariance.topLeftCorner(at, at) = before.topLeftCorner(at, at);
+  covariance.topRightCorner(at, behind) = before.topRightCorner(at, behind);
+  covariance.bottomLeftCorner(behind, at) = before.bottomLeftCorner(behind, at);
+  covariance.bottomRightCorner(behind, behind) = before.bottomRightCorner(behind, behind);
+  errors = CommonErrors(widened(errors.mean(), at, count), std::move(covariance));
 }
 
-Eigen::Index SurveyState::error_count() const {
-  return static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size());
-}
+Eigen::Index SurveyState::error_count() const { return place_of(sensors.size()); }
 
 Eigen::VectorXd SurveyState::prior() const {
   Eigen::VectorXd variances(error_count());
@@ -98,10 +63,10 @@ double SurveyState::expected_variance(const SurveyTile& tile, std::size_t i) con
 }
 
 double SurveyState::weight_of(const ScanSums& sums, const Sensor& sensor, const Vec2& slope) {
-  const bool stereo = sensor.range_squared_sigma_per_m > 0;
+  const RangeModel model = range_model(sensor);
   const double whole = static_cast<double>(sums.weight);
-  const double single = whole / (stereo ? kStereoPixels : 1);
-  double floor = square(stereo ? kStereoFloorM : kLidarFloorM);
+  const double single = whole / model.rays_alike;
+  double floor = square(model.floor_m);
   if (is_moving(sensor)) {
     const double arm2_m2 =
         square(kScanLever_m / whole) *
@@ -119,10 +84,9 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   const double bend = square(kBendFloor * tile.bends[i] * voxel_m());
   ColumnResidual all{0, 0, (1 - kAlikeShare) * variance + bend, std::sqrt(kAlikeShare * variance)};
   const double rough = square(kSlopeFloorM) * tile.slopes[i].squaredNorm() + bend;
-  for (const int number : by_name) {  // so that the order of their first scans does not show
-    const auto sums = tile.sums.find(number);
-    if (sums == tile.sums.end() || sums->second[i].rays == 0) continue;
-    const ScanSums& sum = sums->second[i];
+  for (const auto& [number, of_tile] : tile.sums) {
+    const ScanSums& sum = of_tile[i];
+    if (sum.rays == 0) continue;
     const auto s = static_cast<std::size_t>(number);
     const double whole = static_cast<double>(sum.weight);
     const double weight = weight_of(sum, sensors[s], tile.slopes[i]);
@@ -147,17 +111,14 @@ bool SurveyState::tells_of_errors(const SurveyTile& tile, std::size_t i,
 }
 
 Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
-  const int side = block_side(), n = static_cast<int>(i);
-  return {tile.columns[i].origin, tile.columns[i].pass,
-          square_of(tile.cell.x() + n / kChunkSide, side),
-          square_of(tile.cell.y() + n % kChunkSide, side)};
+  const Coord2 at = tile.place(i);
+  return {tile.columns[i].origin, tile.columns[i].pass, square_of(at.x(), block_side()),
+          square_of(at.y(), block_side())};
 }
 
 Eigen::Vector2d SurveyState::place_in(const Block& block, const SurveyTile& tile,
                                       std::size_t i) const {
-  const int n = static_cast<int>(i);
-  const Coord2 corner = block_side() * Coord2(block.x, block.y);
-  return (tile.cell + Coord2(n / kChunkSide, n % kChunkSide) - corner).cast<double>();
+  return (tile.place(i) - block_side() * Coord2(block.x, block.y)).cast<double>();
 }
 
 void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
@@ -172,262 +133,6 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   untold_blocks.insert(block);
   if (const Eigen::Index lip = lip_of(column); lip >= 0) sees[lip] -= 1;
   blocks[block].retired.add(residual, sees, place_in(block, tile, i));
-}
-
-namespace {
-
-using Heights = SurveyState::Heights;
-
-/// Heights of a column by what rays say of its quarters.
-struct Vote {
-  double height = 0;      ///< mean above the column's `first`, m
-  double spread = 0;      ///< variance of the quarters' heights, m^2
-  std::int64_t rays = 0;  ///< that agreed
-  std::map<int, ScanSums> sums;
-};
-
-/// Of hits near one height.
-struct Level {
-  std::int64_t rays = 0, height = 0;
-  std::array<std::int64_t, 16> areas = {};
-};
-
-Level level_at(const ScanVotes& votes, int first, int last) {
-  Level level;
-  for (auto at = votes.hits.lower_bound(first); at != votes.hits.end() && at->first <= last; ++at) {
-    for (const auto& [sensor, hits] : at->second) {
-      level.rays += hits.rays;
-      level.height += hits.height;
-      for (std::size_t k = 0; k < level.areas.size(); ++k) level.areas[k] += hits.cells.areas[k];
-    }
-  }
-  return level;
-}
-
-/// Rays of a column: those that ended in it as expected, and all.
-struct RaysOf {
-  RaysOf(const SurveyColumn& column, const ScanVotes& votes)
-      : expected(column.cells.rays + column.blind), others(votes.rays()) {}
-
-  /// How many must agree on a height.
-  double least() const {
-    return std::max(static_cast<double>(kScanVotes),
-                    kScanShare * static_cast<double>(expected + others));
-  }
-  bool may_agree() const { return static_cast<double>(others) >= least(); }
-
-  std::int64_t expected, others;
-};
-
-int extent_of(const std::array<std::int64_t, 16>& areas) {
-  return static_cast<int>(std::count_if(areas.begin(), areas.end(), [](auto a) { return a > 0; }));
-}
-
-/// What hits say of a column, if enough of them agree. An edge may go through a column, so heights
-/// are taken by its quarters along both axes. Hits on the face of a wall lie above each other, and
-/// so reach over few of these: they are left out.
-/// @param wall heights above the column's `first`, m, of rays that are of no new ground
-std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
-                         const std::optional<Heights>& wall) {
-  const RaysOf of_column(column, votes);
-  std::map<int, std::int64_t> left;  // rays by bin
-  for (const auto& [bin, hits] : votes.hits)
-    for (const auto& [sensor, of_sensor] : hits) left[bin] += of_sensor.rays;
-  struct Height {
-    double mean;  // m
-    int first_bin, last_bin;
-    std::array<std::int64_t, 16> areas;
-    std::int64_t rays;
-  };
-  std::vector<Height> heights;
-  for (;;) {
-    std::int64_t most = 0;
-    int best = 0;
-    for (const auto& [bin, rays] : left) {
-      std::int64_t near = 0;
-      for (auto at = left.lower_bound(bin - 1); at != left.end() && at->first <= bin + 1; ++at)
-        near += at->second;
-      if (near <= most) continue;
-      most = near;
-      best = bin;
-    }
-    if (static_cast<double>(most) < of_column.least()) break;
-    int first = best, last = best;
-    if (left.contains(best - 1)) first = best - 1;
-    if (left.contains(best + 1)) last = best + 1;
-    const Level level = level_at(votes, first, last);
-    heights.push_back(
-        {kScanUnit_m * static_cast<double>(level.height) / static_cast<double>(level.rays), first,
-         last, level.areas, level.rays});
-    for (int bin = first; bin <= last; ++bin) left.erase(bin);
-  }
-  std::erase_if(heights, [&](const Height& height) {
-    return wall && height.mean > wall->low - kScanBinM && height.mean < wall->high + kScanBinM;
-  });
-  if (heights.empty()) return {};
-  if (column.cells.rays > 0) {
-    const double old =
-        kScanUnit_m * static_cast<double>(column.height) / static_cast<double>(column.cells.rays);
-    // Beside a needle rays end as expected that speak for the same height as the others.
-    const auto same = std::find_if(heights.begin(), heights.end(), [&](const Height& height) {
-      return std::abs(height.mean - old) < kScanBinM;
-    });
-    if (same == heights.end()) {
-      heights.push_back({old, 1, 0, column.cells.areas, column.cells.rays});
-    } else {
-      for (std::size_t k = 0; k < same->areas.size(); ++k) same->areas[k] += column.cells.areas[k];
-      same->rays += column.cells.rays;
-    }
-  }
-  int widest = 0;
-  std::int64_t most_rays = of_column.expected;
-  for (const Height& height : heights) {
-    widest = std::max(widest, extent_of(height.areas));
-    most_rays = std::max(most_rays, height.rays);
-  }
-  std::erase_if(heights, [&](const Height& height) {
-    return 3 * extent_of(height.areas) <= 2 * widest || 2 * height.rays <= most_rays;
-  });
-  double sum = 0, squares = 0;
-  int known = 0;
-  for (std::size_t k = 0; k < column.cells.areas.size(); ++k) {
-    double area = 0, mean = 0;
-    for (const Height& height : heights) {
-      area += static_cast<double>(height.areas[k]);
-      mean += static_cast<double>(height.areas[k]) * height.mean;
-    }
-    if (area == 0) continue;
-    mean /= area;
-    ++known;
-    sum += mean;
-    squares += mean * mean;
-  }
-  Vote made;
-  made.height = sum / known;
-  made.spread = std::max(0.0, squares / known - made.height * made.height);
-  for (const Height& height : heights) {
-    if (height.first_bin <= height.last_bin) made.rays += height.rays;  // of new ground
-    for (int bin = height.first_bin; bin <= height.last_bin; ++bin) {
-      const auto found = votes.hits.find(bin);
-      if (found == votes.hits.end()) continue;
-      for (const auto& [sensor, hits] : found->second) {
-        ScanSums& of_sensor = made.sums[sensor];
-        of_sensor.rays += hits.rays;
-        of_sensor.weight += hits.sums.weight;
-        for (std::size_t n = 0; n < hits.sums.sees.size(); ++n)
-          of_sensor.sees[n] += hits.sums.sees[n];
-      }
-    }
-  }
-  if (made.rays == 0) return {};
-  return made;
-}
-
-}  // namespace
-
-std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
-                                                         std::size_t i) const {
-  const int at = static_cast<int>(i);
-  const double h = voxel_m(), first = tile.columns[i].first;
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  Heights wall = {kNone, -kNone};
-  for (int dx = -1; dx <= 1; ++dx) {
-    for (int dy = -1; dy <= 1; ++dy) {
-      const Coord2 cell = tile.cell + Coord2(at / kChunkSide + dx, at % kChunkSide + dy);
-      const auto found = tiles.find(plan_key(floor_to(cell, kChunkSide)));
-      if (found == tiles.end()) continue;
-      const std::size_t n = number_of(cell);
-      const auto votes = found->second.votes.find(static_cast<int>(n));
-      if (votes != found->second.votes.end() && votes->second.through >= kScanVotes) return {};
-      // What scans found before may be half of what is there.
-      const SurveyColumn& column = found->second.columns[n];
-      const bool is_scanned =
-          column.origin == kSurveyed && !(surveyed && surveyed->are_of(cell, column.top));
-      if (std::isnan(column.top) || is_scanned) continue;
-      wall.low = std::min(wall.low, h * (column.top - first));
-      wall.high = std::max(wall.high, h * (column.top - first));
-    }
-  }
-  if (wall.high - wall.low < 2 * h * kScanWallSlope) return {};
-  return wall;
-}
-
-/// Columns of which enough rays say that they have another height get that. What too few rays say
-/// is kept, until there are so many that enough of them would have agreed.
-void SurveyState::take_votes() {
-  see_through();
-  // All are looked at before any is decided, so that the order of columns does not matter.
-  std::vector<std::optional<Vote>> decisions;
-  for (const auto& cell : news) {
-    const SurveyTile& tile = marked(cell);
-    for (const auto& [n, votes] : tile.votes) {
-      const auto i = static_cast<std::size_t>(n);
-      const SurveyColumn& column = tile.columns[i];
-      if (std::isnan(column.top)) continue;
-      decisions.push_back(RaysOf(column, votes).may_agree() ? vote(column, votes, wall_at(tile, i))
-                                                            : std::nullopt);
-    }
-  }
-  auto decision = decisions.begin();
-  for (const auto& cell : news) {
-    SurveyTile* tile = &marked(cell);
-    std::map<int, ScanVotes> undecided;
-    for (auto& [n, votes] : tile->votes) {
-      const auto i = static_cast<std::size_t>(n);
-      SurveyColumn& column = tile->columns[i];
-      if (std::isnan(column.top)) continue;
-      std::optional<Vote> now = std::move(*decision++);
-      const std::int64_t fresh = votes.rays() - votes.told;
-      const std::int64_t added = now ? std::min(now->rays, fresh) : 0;
-      rays.added += added;
-      rays.dropped += fresh - added;
-      // Rays that end in the column will tell its height better than those that pass above it.
-      const bool waits =
-          static_cast<double>(votes.rays()) >= kScanShare * static_cast<double>(votes.through);
-      if (!now && !waits && votes.through >= kScanVotes &&
-          votes.through > column.rays + column.blind)
-        now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
-      if (!now) {
-        votes.told += fresh;
-        votes.others += std::max(column.rays, column.cells.rays + column.blind);
-        const std::int64_t all = votes.told + votes.through + votes.others;
-        if (kScanShare * static_cast<double>(all) < kScanVotes)
-          undecided.emplace(n, std::move(votes));
-        continue;
-      }
-      for (auto& [number, of_tile] : tile->sums) of_tile[i] = {};
-      column.first += now->height / voxel_m();
-      column.origin = kSurveyed;
-      column.variance = square(kChangedSigmaM);
-      for (const auto& [sensor, sum] : now->sums) {
-        ScanSums& of_column = tile->sums[sensor][i];
-        of_column = sum;
-        // Rays tell less of a column that an edge goes through.
-        const double whole = static_cast<double>(sum.weight);
-        const double keep = 1 / (1 + now->spread / kEdgeCells * whole);
-        of_column.weight = std::max<std::int64_t>(1, std::llround(keep * whole));
-        for (std::int64_t& value : of_column.sees)
-          value = std::llround(static_cast<double>(value) * static_cast<double>(of_column.weight) /
-                               whole);
-      }
-    }
-    tile->votes = std::move(undecided);
-    // Of the rays that met the ground as expected only new ones count: it may have changed since.
-    for (SurveyColumn& column : tile->columns) {
-      column.rays = column.height = column.blind = 0;
-      column.cells = {};
-    }
-  }
-}
-
-bool SurveyState::is_contested(const SurveyTile& tile, std::size_t i) {
-  const auto found = tile.votes.find(static_cast<int>(i));
-  if (found == tile.votes.end()) return false;
-  const ScanVotes& votes = found->second;
-  std::int64_t most = votes.through;
-  for (const auto& [bin, hits] : votes.hits)
-    most = std::max(most, level_at(votes, bin - 1, bin + 1).rays);
-  return most > std::max<std::int64_t>(1, votes.others);
 }
 
 bool SurveyState::is_other(const SurveyColumn& column) {
@@ -489,10 +194,8 @@ double SurveyState::untold_about(const SurveyTile& tile, std::size_t i) {
     for (int v = std::max(0, y - 1); v <= std::min(kChunkSide - 1, y + 1); ++v) {
       if (u == x && v == y) continue;
       const auto n = static_cast<std::size_t>(u * kChunkSide + v);
-      const bool is_met = std::any_of(tile.sums.begin(), tile.sums.end(),
-                                      [&](const auto& sums) { return sums.second[n].rays > 0; });
       ++all;
-      untold += is_other(tile.columns[n]) && !is_met;
+      untold += is_other(tile.columns[n]) && !tile.is_met(n);
     }
   }
   return static_cast<double>(untold) / all;
@@ -608,9 +311,8 @@ class SurveyState::SeenColumns {
       if (c.is_surveyed() && c.residual.weight <= 0)
         sigmas = 0;  // the soil that rays passed through is surely gone
       if (std::abs(off) < sigmas * std::sqrt(state_.errors.variance(correction_, block))) continue;
-      const int at = static_cast<int>(c.i);
-      made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
-                      std::llround(off / h * kSamplesOfCell), c.tile->slopes[c.i]});
+      made.push_back({c.tile->place(c.i), column.top, std::llround(off / h * kSamplesOfCell),
+                      c.tile->slopes[c.i]});
       c.is_corrected = true;
     }
     return made;

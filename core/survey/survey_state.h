@@ -3,6 +3,9 @@
 // The state of a GroundSurvey.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -16,6 +19,7 @@
 #include "core/surface/height_reader.h"
 #include "core/survey/common_errors.h"
 #include "core/survey/ground_view.h"
+#include "core/survey/sensor_model.h"
 #include "core/survey/survey_tiles.h"
 #include "soilvdb/height_map.h"
 #include "soilvdb/survey.h"
@@ -25,11 +29,22 @@ namespace soilvdb::inline v0 {
 /// Units of integers: residuals and heights, m; levers of tilts, m. And how many are a metre.
 inline constexpr double kScanUnit_m = 1e-5, kScanLever_m = 1e-3;
 inline constexpr double kScanUnitsPerM = 1e5, kScanLeversPerM = 1e3;
+inline std::int64_t levers(double value_m) { return std::lrint(value_m * kScanLeversPerM); }
+/// Of a residual or a height; what is farther is no residual.
+inline std::int64_t height_units(double height_m) {
+  return std::lrint(std::clamp(height_m, -kMostScanHeightM, kMostScanHeightM) * kScanUnitsPerM);
+}
+template <typename T>
+std::int64_t ray_weight(T sigma_m) {
+  return std::max<std::int64_t>(1, std::lrint(1 / (sigma_m * sigma_m)));
+}
 
 /// Of a sensor: height, tilts, scale.
 inline constexpr int kOfSensor = 4;
 
 inline constexpr double kSamplesOfCell = 64;
+
+inline double square(double value) { return value * value; }
 
 /// Sigmas of a sensor's height and tilts: of its mount, and of the poses of its scans.
 inline double height_sigma_m(const Sensor& sensor) {
@@ -73,9 +88,7 @@ struct SurveyRecord {
   std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
   std::uint32_t time = 1;                                  // counts changes of the ground
   std::uint32_t solutions = 0;                             // counts corrections
-  std::vector<Sensor> sensors;                             // in order of their first scan
-  std::vector<int> by_name;                                // their numbers
-  std::vector<int> ranks;                                  // of each in that order
+  std::vector<Sensor> sensors;  // by name, so that the order of their first scans does not show
   std::map<Block, BlockState> blocks;
   std::set<Block> untold_blocks;
   /// What save_changes() tells of: what changed from one correction to the next.
@@ -117,6 +130,18 @@ struct SurveyState : SurveyRecord {
   }
   /// Tells that the ground of a tile changed.
   void has_changed(const Coord2& cell);
+  Vec2 index_of(const Vec2& place_m) const {
+    return (place_m - ground.origin().head<2>()) / voxel_m();
+  }
+  /// The box about places in index space.
+  Eigen::AlignedBox2d index_box(const std::vector<Vec2>& places_m) const;
+  static bool meets(const Eigen::AlignedBox2d& box, const Coord2& cell);  ///< of a tile
+  /// Tiles in which the ground was changed.
+  Tiles changed_within(const Eigen::AlignedBox2d& box) const;
+  /// Did scans or a survey see a column as it is?
+  bool is_seen(const SurveyTile& tile, std::size_t i) const;
+  /// Share of a column that is inside a boundary, by parts of it.
+  double share_inside(const std::vector<Vec2>& boundary, const Coord2& column) const;
   /// Reads tiles anew where the ground changed. @param own by applied()
   void refresh(bool own);
   /// Why a tile is read: the ground changed, or by applied(), or for a look that changes nothing.
@@ -127,8 +152,10 @@ struct SurveyState : SurveyRecord {
   const SurveyTile& look(const Coord2& cell, std::optional<SurveyTile>& own);
   /// @param around_m the points @throw std::invalid_argument if too many tiles would be seen
   void require_room(const Eigen::AlignedBox2d& around_m, std::span<const Vec3> points_m) const;
-  /// A sensor's number, if there was a scan of it. @throw std::invalid_argument if it may not scan
-  std::optional<int> known(const Sensor& sensor) const;
+  /// The number that a sensor has or would have, and whether there was a scan of it.
+  /// @throw std::invalid_argument if it may not scan
+  std::pair<int, bool> find(const Sensor& sensor) const;
+  /// A sensor's number, which may change when others come.
   int sensor_of(const Sensor& sensor);
 
   // scan_rays.cc
@@ -160,12 +187,12 @@ struct SurveyState : SurveyRecord {
   Eigen::Index error_count() const;
   /// The first of a sensor's common errors.
   Eigen::Index place_of(std::size_t sensor) const {
-    return static_cast<Eigen::Index>(lip_sigmas_m.size()) + kOfSensor * ranks[sensor];
+    return std::ssize(lip_sigmas_m) + kOfSensor * static_cast<Eigen::Index>(sensor);
   }
-  /// To be called when a sensor has come.
-  void set_places();
-  /// Makes room for errors that came. @param to the new numbers of those that were
-  void widen_errors(const std::vector<Eigen::Index>& to);
+  /// Values for each common error with room for `count` that came, from number `at` on.
+  static Eigen::VectorXd widened(const Eigen::VectorXd& values, Eigen::Index at,
+                                 Eigen::Index count);
+  void widen_errors(Eigen::Index at, Eigen::Index count);
   /// A column's correction by what it and the errors that it shares are known to be.
   void correct(const SurveyColumn& column, ColumnResidual residual, const BlockError& block,
                const Eigen::Ref<const Eigen::VectorXd>& sees, CommonErrors::Correction& to) const;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <compare>
 #include <cstdint>
@@ -34,6 +35,12 @@ struct ScanSums {
     weight += w;
     residual += w * r;
     for (std::size_t i = 0; i < a.size(); ++i) sees[i] += w * a[i];
+  }
+  void add(const ScanSums& other) {
+    rays += other.rays;
+    weight += other.weight;
+    residual += other.residual;
+    for (std::size_t i = 0; i < sees.size(); ++i) sees[i] += other.sees[i];
   }
 };
 
@@ -148,6 +155,17 @@ struct SurveyTile {
   std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor
   std::map<int, ScanVotes> votes;                                ///< by number of the column
   std::map<Block, BlockSums> parts;                              ///< of blocks, as last solved
+
+  /// Of one of its columns.
+  Coord2 place(std::size_t i) const {
+    const int n = static_cast<int>(i);
+    return cell + Coord2(n / kChunkSide, n % kChunkSide);
+  }
+  /// Did rays meet a column about where it was expected?
+  bool is_met(std::size_t i) const {
+    return std::any_of(sums.begin(), sums.end(),
+                       [i](const auto& of) { return of.second[i].rays > 0; });
+  }
 };
 
 }  // namespace soilvdb::inline v0
