@@ -171,10 +171,6 @@ Heap Site::heap(const std::vector<Vec2>& boundary) {
   if (!soil)
     throw std::invalid_argument("soil is rigid here and makes no heaps; give the site a soil");
   if (!survey_) throw std::invalid_argument("nothing was scanned yet; scan the heap first");
-  const SurveyedSamples* samples = tracker_->surveyed_samples();
-  if (samples == nullptr)
-    throw std::invalid_argument(
-        "this site was saved by a version that did not keep where scans changed the ground");
   // Soil of any machine may be in the heap: its volume errs as that of all cuts does.
   const MassBalance balance = tracker_->mass_balance_without_ground();
   double error_m3 = 0, moved_m3 = tracker_->total().cut_m3();
@@ -182,7 +178,8 @@ Heap Site::heap(const std::vector<Vec2>& boundary) {
               ground_->sample_m3();
   for (const Estimate& error : survey_->cut_errors_m3())
     error_m3 += std::hypot(error.mean, error.sigma);
-  return survey_->heap(boundary, *samples, soil->swell, moved_m3 > 0 ? error_m3 / moved_m3 : 0);
+  return survey_->heap(boundary, *tracker_->surveyed_samples(), soil->swell,
+                       moved_m3 > 0 ? error_m3 / moved_m3 : 0);
 }
 
 }  // namespace soilvdb::inline v0

@@ -353,8 +353,8 @@ void Tracker::restore(std::string_view state, std::size_t count) {
   take_amount(state, surveyed.removed);
   take_amount(state, surveyed.added);
   take(state, surveyed.mass);
-  SurveyedSamples samples;  // earlier versions did not keep them
-  if (!state.empty()) samples = SurveyedSamples::load(state);
+  SurveyedSamples samples;
+  if (surveyed.removed > 0 || surveyed.added > 0) samples = SurveyedSamples::load(state);
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   for (std::size_t m = 0; m < count; ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);

@@ -197,10 +197,7 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
   return changed;
 }
 
-const SurveyedSamples* Tracker::surveyed_samples() const {
-  const bool are_all = surveyed_samples_->sum() == surveyed_.added - surveyed_.removed;
-  return are_all ? surveyed_samples_.get() : nullptr;
-}
+const SurveyedSamples* Tracker::surveyed_samples() const { return surveyed_samples_.get(); }
 
 SurveyedSamples& Tracker::own_samples() {
   if (surveyed_samples_.use_count() > 1)  // clones share them

@@ -40,13 +40,6 @@ class SurveyedSamples {
                ? Column()
                : found->second[static_cast<std::size_t>(in.x() * kChunkSide + in.y())];
   }
-  /// Of all columns, bank and loose.
-  std::int64_t sum() const {
-    std::int64_t all = 0;
-    for (const auto& [cell, tile] : tiles_)
-      for (const Column& column : tile) all += std::int64_t{column.bank} + column.loose;
-    return all;
-  }
 
   void save(std::string& out) const {
     put(out, std::uint64_t{tiles_.size()});
