@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "core/constants.h"
+#include "core/survey/sensor_model.h"
 #include "io/file/text.h"
 #include "soilvdb/io/point_cloud.h"
 #include "soilvdb/io/recorded_scans.h"
@@ -67,6 +68,13 @@ void read_carrier(const YamlMap& map, Scenario& scenario, SensorInput& scan) {
   }
 }
 
+void read_sigmas(const YamlMap& map, const char* group, Sensor& sensor) {
+  const YamlMap given = map.map(group, sigma_keys(group));
+  for (const SensorSigma& sigma : kSensorSigmas)
+    if (sigma.group == group && given.has(sigma.key))
+      sensor.*sigma.field = given.number(sigma.key, 0, kMostSensorSigma, sigma.unit);
+}
+
 /// Where a recording has its points, transforms place a sensor that has no place here.
 SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& scenario) {
   SensorInput scan;
@@ -87,29 +95,13 @@ SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& s
       map.fail("noise", fmt::format("noise: {}", printable(e.what())));
     }
   } else if (map.has("noise")) {
-    const YamlMap noise = map.map("noise", {"range", "range_squared"});
-    sensor.range_sigma_m = noise.has("range") ? noise.number("range", 0, kMostSensorSigma, "m") : 0;
-    if (noise.has("range_squared"))
-      sensor.range_squared_sigma_per_m = noise.number("range_squared", 0, kMostSensorSigma, "1/m");
+    sensor.range_sigma_m = 0;
+    read_sigmas(map, "noise", sensor);
     if (sensor.range_sigma_m == 0 && sensor.range_squared_sigma_per_m == 0)
       map.fail("noise", "noise has neither range nor range_squared; one must be more than 0");
   }
-  if (map.has("mount")) {
-    const YamlMap mount = map.map("mount", {"height", "tilt", "scale"});
-    if (mount.has("height"))
-      sensor.mount_height_sigma_m = mount.number("height", 0, kMostSensorSigma, "m");
-    if (mount.has("tilt"))
-      sensor.mount_tilt_sigma_rad = mount.number("tilt", 0, kMostSensorSigma, "rad");
-    if (mount.has("scale"))
-      sensor.mount_scale_sigma = mount.number("scale", 0, kMostSensorSigma, "of range");
-  }
-  if (map.has("pose")) {
-    const YamlMap pose = map.map("pose", {"shift", "turn"});
-    if (pose.has("shift"))
-      sensor.pose_shift_sigma_m = pose.number("shift", 0, kMostSensorSigma, "m");
-    if (pose.has("turn"))
-      sensor.pose_turn_sigma_rad = pose.number("turn", 0, kMostSensorSigma, "rad");
-  }
+  if (map.has("mount")) read_sigmas(map, "mount", sensor);
+  if (map.has("pose")) read_sigmas(map, "pose", sensor);
   try {
     sensor.validate();
   } catch (const std::invalid_argument& e) {

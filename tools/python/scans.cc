@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "core/constants.h"
+#include "core/survey/sensor_model.h"
 #include "io/scan/scan_messages.h"
 #include "soilvdb/survey.h"
 #include "tools/python/site.h"
@@ -98,10 +99,7 @@ void scan(Site& site, const Sensor& sensor, const py::object& points, const py::
       if (p.allFinite() && (world || !p.isZero(0))) ends.push_back(p);
     }
   }
-  if (!world) {
-    const Eigen::Matrix3d rotation = sensor.pose.rotation.toRotationMatrix();
-    for (Vec3& p : ends) p = rotation * p + sensor.pose.position;
-  }
+  if (!world) place_points(sensor.pose, ends);
   require_good(site.with([&](Session& session) { return session.scan(sensor, ends); }));
 }
 

@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "core/lattice/bytes.h"
 #include "core/lattice/chunk_math.h"
@@ -101,6 +103,44 @@ class SectionLine {
   int points_, half_ = 0;  ///< parts from a point half-way to the next; 0: heights of the points
   double length_m_;
   std::vector<Vec2> places_;
+};
+
+/// The cells of a map of sigmas: columns, or squares of them where these would be too many.
+struct SigmaCells {
+  explicit SigmaCells(const std::vector<Coord2>& squares) {
+    constexpr double kMostCells = 1 << 20;
+    constexpr int kMostAlong = 4096;  // what browsers draw as one picture
+    Eigen::AlignedBox2i box;
+    for (const Coord2& square : squares)
+      box.extend(square).extend(square + Coord2::Constant(kChunkSide - 1));
+    for (; !squares.empty(); side *= 2) {
+      low = floor_to(box.min(), side);
+      size = (box.max() - low) / side + Coord2::Ones();
+      if (size.maxCoeff() <= kMostAlong && 1.0 * size.x() * size.y() <= kMostCells) break;
+    }
+  }
+  std::size_t count() const {
+    return static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y());
+  }
+  /// Of the cell that a column is in.
+  std::size_t number(const Coord2& column) const {
+    const Coord2 cell = (column - low) / side;
+    return static_cast<std::size_t>(cell.y()) * static_cast<std::size_t>(size.x()) +
+           static_cast<std::size_t>(cell.x());
+  }
+  /// The columns in the middle of cells, of squares of 8 x 8.
+  std::vector<Coord2> middles(const std::vector<Coord2>& squares) const {
+    std::vector<Coord2> columns;
+    for (const Coord2& square : squares)
+      for (int n = 0; n < kChunkSide * kChunkSide; ++n) {
+        const Coord2 column = square + Coord2(n / kChunkSide, n % kChunkSide), in = column - low;
+        if (in.x() % side == side / 2 && in.y() % side == side / 2) columns.push_back(column);
+      }
+    return columns;
+  }
+
+  int side = 1;  // columns
+  Coord2 low = Coord2::Zero(), size = Coord2::Zero();
 };
 
 }  // namespace
@@ -197,53 +237,31 @@ Sigmas GroundQuery::sigmas() {
 }
 
 std::string GroundQuery::sigma_map() {
-  constexpr double kMostCells = 1 << 20, kPerMetre = 1e4, kMost = 65534;
-  constexpr int kMostAlong = 4096;  // what browsers draw as one picture
+  constexpr double kPerMetre = 1e4, kMost = 65534;
   constexpr std::uint16_t kNotSeen = 65535;
   constexpr std::size_t kAtOnce = 1 << 16;
   const std::vector<Coord2> squares = now_->seen_squares();
-  Eigen::AlignedBox2i box;
-  for (const Coord2& square : squares)
-    box.extend(square).extend(square + Coord2::Constant(kChunkSide - 1));
-  int side = 1;  // of a cell, columns
-  Coord2 low = Coord2::Zero(), size = Coord2::Zero();
-  for (; !squares.empty(); side *= 2) {
-    low = floor_to(box.min(), side);
-    size = (box.max() - low) / side + Coord2::Ones();
-    if (size.maxCoeff() <= kMostAlong && 1.0 * size.x() * size.y() <= kMostCells) break;
-  }
-  std::vector<std::uint16_t> cells(
-      static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()), kNotSeen);
+  const SigmaCells cells(squares);
   const double voxel_m = now_->voxel_size_m();
   const Vec2 origin = now_->origin().head<2>();
-  std::vector<Vec2> places;
-  std::vector<std::size_t> numbers;  // of the cells there
-  const auto look = [&] {
+  std::vector<std::uint16_t> values(cells.count(), kNotSeen);
+  const std::vector<Coord2> columns = cells.middles(squares);
+  for (std::size_t begin = 0; begin < columns.size(); begin += kAtOnce) {
+    const auto some = std::span(columns).subspan(begin, std::min(kAtOnce, columns.size() - begin));
+    std::vector<Vec2> places;
+    for (const Coord2& column : some) places.emplace_back(origin + voxel_m * column.cast<double>());
     std::vector<double> sigmas_m(places.size()), seen(places.size());
     now_->sigmas(places, sigmas_m, seen);
     for (std::size_t i = 0; i < places.size(); ++i)
       if (seen[i] == 1)
-        cells[numbers[i]] =
+        values[cells.number(some[i])] =
             static_cast<std::uint16_t>(std::min(std::round(kPerMetre * sigmas_m[i]), kMost));
-    places.clear();
-    numbers.clear();
-  };
-  for (const Coord2& square : squares) {
-    for (int n = 0; n < kChunkSide * kChunkSide; ++n) {
-      const Coord2 column = square + Coord2(n / kChunkSide, n % kChunkSide), in = column - low;
-      if (in.x() % side != side / 2 || in.y() % side != side / 2) continue;  // of its middle
-      places.emplace_back(origin + voxel_m * column.cast<double>());
-      numbers.push_back(static_cast<std::size_t>(in.y() / side) *
-                            static_cast<std::size_t>(size.x()) +
-                        static_cast<std::size_t>(in.x() / side));
-    }
-    if (places.size() >= kAtOnce) look();
   }
-  look();
   std::string out;
-  put(out, (origin + voxel_m * (low.cast<double>() - Vec2::Constant(0.5))).eval(), side * voxel_m,
-      static_cast<std::uint32_t>(size.x()), static_cast<std::uint32_t>(size.y()));
-  for (const std::uint16_t cell : cells) put(out, cell);
+  put(out, (origin + voxel_m * (cells.low.cast<double>() - Vec2::Constant(0.5))).eval(),
+      cells.side * voxel_m, static_cast<std::uint32_t>(cells.size.x()),
+      static_cast<std::uint32_t>(cells.size.y()));
+  for (const std::uint16_t value : values) put(out, value);
   return out;
 }
 

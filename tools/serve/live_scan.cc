@@ -95,15 +95,7 @@ Sensor LiveSite::sensor_of(const ScanHead& head) const {
     sensor.pose = *head.pose;
   else if (known->machine)
     sensor.pose = carried(*known, head.time_s);
-  if (head.noise) {
-    sensor.range_sigma_m = head.noise->sigma_m;
-    sensor.range_squared_sigma_per_m = head.noise->squared_per_m;
-  }
-  sensor.mount_height_sigma_m = head.mount.height_m.value_or(sensor.mount_height_sigma_m);
-  sensor.mount_tilt_sigma_rad = head.mount.tilt_rad.value_or(sensor.mount_tilt_sigma_rad);
-  sensor.mount_scale_sigma = head.mount.scale.value_or(sensor.mount_scale_sigma);
-  sensor.pose_shift_sigma_m = head.pose_sigmas.shift_m.value_or(sensor.pose_shift_sigma_m);
-  sensor.pose_turn_sigma_rad = head.pose_sigmas.turn_rad.value_or(sensor.pose_turn_sigma_rad);
+  for (const auto& [field, sigma] : head.sigmas) sensor.*field = sigma;
   try {
     sensor.validate();
   } catch (const std::invalid_argument& e) {

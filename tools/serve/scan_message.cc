@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "core/constants.h"
+#include "core/survey/sensor_model.h"
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/scan/cloud_builder.h"
@@ -60,42 +61,31 @@ double sigma_in(const Line& json, const char* key) {
   return sigma;
 }
 
-RangeNoise noise_in(const Line& json) {
-  if (json.is_string()) return noise_of(json.get<std::string>());
-  if (!json.is_object())
-    throw std::invalid_argument(
-        "'noise' must be the name of a sensor, or {\"range\": m, \"range_squared\": 1/m}");
-  require_keys(json, {"range", "range_squared"});
-  RangeNoise noise;
-  if (json.contains("range")) noise.sigma_m = sigma_in(json["range"], "range");
-  if (json.contains("range_squared"))
-    noise.squared_per_m = sigma_in(json["range_squared"], "range_squared");
-  if (noise.sigma_m == 0 && noise.squared_per_m == 0)
+using Sigmas = std::vector<std::pair<double Sensor::*, double>>;
+
+/// Adds those of a key. @param form what it must be
+void take_sigmas(const Line& header, std::string_view group, const char* form, Sigmas& sigmas) {
+  if (!header.contains(group)) return;
+  const Line& json = header[std::string(group)];
+  if (!json.is_object()) throw std::invalid_argument(fmt::format("'{}' must be {}", group, form));
+  require_keys(json, sigma_keys(group));
+  for (const SensorSigma& sigma : kSensorSigmas)
+    if (sigma.group == group && json.contains(sigma.key))
+      sigmas.emplace_back(sigma.field, sigma_in(json[sigma.key], sigma.key));
+}
+
+/// The noise of a ray, all of it.
+void take_noise(const Line& header, Sigmas& sigmas) {
+  if (!header.contains("noise")) return;
+  RangeNoise known;
+  if (header["noise"].is_string()) known = noise_of(header["noise"].get<std::string>());
+  sigmas = {{&Sensor::range_sigma_m, known.sigma_m},
+            {&Sensor::range_squared_sigma_per_m, known.squared_per_m}};
+  if (!header["noise"].is_string())
+    take_sigmas(header, "noise", "the name of a sensor, or {\"range\": m, \"range_squared\": 1/m}",
+                sigmas);
+  if (std::all_of(sigmas.begin(), sigmas.end(), [](const auto& s) { return s.second == 0; }))
     throw std::invalid_argument("'noise' has neither range nor range_squared; one must be over 0");
-  return noise;
-}
-
-ScanHead::Mount mount_in(const Line& json) {
-  if (!json.is_object())
-    throw std::invalid_argument("'mount' must be {\"height\": m, \"tilt\": rad, \"scale\": share}");
-  require_keys(json, {"height", "tilt", "scale"});
-  ScanHead::Mount mount;
-  if (json.contains("height")) mount.height_m = sigma_in(json["height"], "height");
-  if (json.contains("tilt")) mount.tilt_rad = sigma_in(json["tilt"], "tilt");
-  if (json.contains("scale")) mount.scale = sigma_in(json["scale"], "scale");
-  return mount;
-}
-
-ScanHead::PoseSigmas pose_sigmas_in(const Line& json) {
-  if (!json.is_object())
-    throw std::invalid_argument(
-        "'pose' must be {\"shift\": m, \"turn\": rad}, standard deviations; the pose itself is "
-        "'position' and 'rotation'");
-  require_keys(json, {"shift", "turn"});
-  ScanHead::PoseSigmas sigmas;
-  if (json.contains("shift")) sigmas.shift_m = sigma_in(json["shift"], "shift");
-  if (json.contains("turn")) sigmas.turn_rad = sigma_in(json["turn"], "turn");
-  return sigmas;
 }
 
 ScanHead::Format format_in(const Line& json) {
@@ -257,9 +247,12 @@ ScanHead::ScanHead(std::string_view message) {
     if (json.contains("position") != json.contains("rotation"))
       throw std::invalid_argument("'position' and 'rotation' come together");
     if (json.contains("position")) pose = line_pose(json["position"], json["rotation"]);
-    if (json.contains("noise")) noise = noise_in(json["noise"]);
-    if (json.contains("mount")) mount = mount_in(json["mount"]);
-    if (json.contains("pose")) pose_sigmas = pose_sigmas_in(json["pose"]);
+    take_noise(json, sigmas);
+    take_sigmas(json, "mount", "{\"height\": m, \"tilt\": rad, \"scale\": share}", sigmas);
+    take_sigmas(json, "pose",
+                "{\"shift\": m, \"turn\": rad}, standard deviations; the pose itself is 'position' "
+                "and 'rotation'",
+                sigmas);
   } catch (const std::invalid_argument& e) {
     const std::string why = e.what();
     throw std::invalid_argument(why.starts_with("header: ") ? why : "header: " + why);
@@ -281,10 +274,8 @@ std::vector<Vec3> scan_points(const ScanHead& head, std::string_view message,
           "are they metres, is 'frame' right, and the sensor's place?",
           points_m[i].x(), points_m[i].y(), points_m[i].z(), (points_m[i] - eye).norm(),
           kMostScanRangeM));
-  if (head.in_world) return std::move(points_m);
-  const Eigen::Matrix3d rotation = sensor.pose.rotation.toRotationMatrix();
-  for (Vec3& point : points_m) point = rotation * point + sensor.pose.position;
-  return std::move(cloud.points_m);
+  if (!head.in_world) place_points(sensor.pose, points_m);
+  return std::move(points_m);
 }
 
 }  // namespace soilvdb::tools

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "io/scan/scan_messages.h"
@@ -37,16 +38,9 @@ struct ScanHead {
   bool in_world = false;          ///< points are the world's; else the sensor's
   io::CameraModel camera = {};    ///< of a depth image
   std::optional<Pose> pose = {};  ///< world_from_sensor
-  std::optional<RangeNoise> noise = {};
-  struct Mount {
-    std::optional<double> height_m = {}, tilt_rad = {}, scale = {};
-  };
-  Mount mount = {};
-  struct PoseSigmas {
-    std::optional<double> shift_m = {}, turn_rad = {};
-  };
-  PoseSigmas pose_sigmas = {};  ///< of each scan
-  std::size_t points_at = 0;    ///< offset of the points
+  /// Those that the header has.
+  std::vector<std::pair<double Sensor::*, double>> sigmas = {};
+  std::size_t points_at = 0;  ///< offset of the points
 };
 
 /// Where the rays of a message ended, world. Needs no site.
