@@ -30,28 +30,12 @@ std::size_t PointCloud::leave_out_far() {
 }
 
 double number_at(const char* at, NumberType type, bool swap) {
-  switch (type) {
-    case NumberType::kI8:
-      return number_as<std::int8_t>(at, swap);
-    case NumberType::kU8:
-      return number_as<std::uint8_t>(at, swap);
-    case NumberType::kI16:
-      return number_as<std::int16_t>(at, swap);
-    case NumberType::kU16:
-      return number_as<std::uint16_t>(at, swap);
-    case NumberType::kI32:
-      return number_as<std::int32_t>(at, swap);
-    case NumberType::kU32:
-      return number_as<std::uint32_t>(at, swap);
-    case NumberType::kI64:
-      return number_as<std::int64_t>(at, swap);
-    case NumberType::kU64:
-      return number_as<std::uint64_t>(at, swap);
-    case NumberType::kF32:
-      return number_as<float>(at, swap);
-    default:
-      return number_as<double>(at, swap);
-  }
+  constexpr auto kNumbers =
+      std::array{&number_as<std::int8_t>,   &number_as<std::uint8_t>,  &number_as<std::int16_t>,
+                 &number_as<std::uint16_t>, &number_as<std::int32_t>,  &number_as<std::uint32_t>,
+                 &number_as<std::int64_t>,  &number_as<std::uint64_t>, &number_as<float>,
+                 &number_as<double>};  // in the order of NumberType
+  return kNumbers[static_cast<std::size_t>(type)](at, swap);
 }
 
 Vec3 point_at(const Axes& axes, std::size_t index, bool swap) {
