@@ -40,6 +40,21 @@ std::vector<Vec3> seen(Session& session, double deeper, std::uint64_t seed,
   return points;
 }
 
+/// Of a session or a site. @param record of the correction, of a site
+template <typename S, typename... Record>
+Survey applied(S& site, Record*... record) {
+  Survey survey;
+  const auto step = site.apply_scans(survey, record...);
+  EXPECT_TRUE(step.ok()) << step.why;
+  return survey;
+}
+template <typename S, typename... Record>
+Survey scanned(S& site, const Sensor& sensor, std::span<const Vec3> points, Record*... record) {
+  const auto step = site.scan(sensor, points);
+  EXPECT_TRUE(step.ok()) << step.why;
+  return applied(site, record...);
+}
+
 /// Works and looks in turn.
 void work(Session& session, const std::vector<MachineState>& all, std::uint64_t seed) {
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -49,11 +64,7 @@ void work(Session& session, const std::vector<MachineState>& all, std::uint64_t 
     const Sensor sensor = above(-1.0 + 3.0 * static_cast<double>(i / 12 % 3));
     std::vector<Vec3> points = seen(session, i % 24 == 5 ? 0.04 : -0.3, seed + i, sensor);
     points.emplace_back(-30 - static_cast<double>(i), 30, -1);  // dust, where nobody else looks
-    const StepResult scanned = session.scan(sensor, points);
-    ASSERT_TRUE(scanned.ok()) << scanned.why;
-    Survey survey;
-    const StepResult applied = session.apply_scans(survey);
-    ASSERT_TRUE(applied.ok()) << applied.why;
+    scanned(session, sensor, points);
   }
 }
 
@@ -69,17 +80,14 @@ TEST_P(SessionScans, GoOnFromWhereTheyWereRecorded) {
 // What is not recorded, because no ray came, may not show in what comes later.
 TEST_P(SessionScans, WithoutRaysTellNothing) {
   const auto nothing = [](Session& session) {
-    Survey survey;
-    EXPECT_TRUE(session.scan(kAbove, {}).ok());
-    EXPECT_TRUE(session.apply_scans(survey).ok());
+    scanned(session, kAbove, {});
     Sensor refused = kAbove;
     refused.range_sigma_m = 0.5;
     const std::vector<Vec3> points = {{0, 0, 0}};
     EXPECT_FALSE(session.scan(refused, points).ok());
   };
   Session with(site()), without(site());
-  Survey survey;
-  EXPECT_TRUE(with.apply_scans(survey).ok());  // before any
+  applied(with);  // before any
   const std::vector<Vec3> far = {{1e5, 0, 0}};
   EXPECT_FALSE(with.scan(kAbove, far).ok());
   for (double at = 0; at < 0.99; at += 0.1) {
@@ -93,9 +101,7 @@ TEST_P(SessionScans, WithoutRaysTellNothing) {
 // An empty scan tells from when on it is known which machine dug, and which sensors there are.
 TEST_P(SessionScans, ThatAreEmptyAreRecordedIfTheirSensorIsNew) {
   expect_same_if_stopped(site(), 1, [](Session& session, int) {
-    Survey survey;
-    EXPECT_TRUE(session.scan(kAbove, {}).ok());
-    EXPECT_TRUE(session.apply_scans(survey).ok());
+    scanned(session, kAbove, {});
     feed(session, part(states(), 0, 0.3));
   });
 }
@@ -111,10 +117,7 @@ TEST_P(SessionScans, OfAMovingSensorGoOnFromWhereTheyWereRecorded) {
       there.pose.position += Vec3(0.01, -0.02, 0.015);
       std::vector<Vec3> points = seen(session, 0, static_cast<std::uint64_t>(round), there);
       for (Vec3& point : points) point -= there.pose.position - sensor.pose.position;
-      ASSERT_TRUE(session.scan(sensor, points).ok());
-      Survey survey;
-      ASSERT_TRUE(session.apply_scans(survey).ok());
-      EXPECT_GT(survey.rays.used, 0);
+      EXPECT_GT(scanned(session, sensor, points).rays.used, 0);
     }
   });
 }
@@ -129,9 +132,7 @@ TEST_P(SessionScans, GoOnFromSnapshotsBetweenScansAndTheirCorrection) {
       session.flush();  // while one snapshot is written there is no other
       feed(session, part(states(), at, at + 0.05));
     }
-    Survey survey;
-    ASSERT_TRUE(session.apply_scans(survey).ok());
-    EXPECT_GT(survey.rays.through, 0);
+    EXPECT_GT(applied(session).rays.through, 0);
   });
 }
 
@@ -186,10 +187,8 @@ TEST(SiteScans, AreRecordedByWhatTheySaw) {
         for (int y = -30; y < 30; ++y) points.emplace_back(12.0 * n + 0.1 * x, 0.1 * y, 0.02);
       Sensor sensor = above(12.0 * n);
       sensor.name = round == 0 ? "m" : "a";  // which hang 2 cm lower than told
-      ASSERT_TRUE(site.scan(sensor, points).ok());
-      Survey survey;
       std::string record;
-      ASSERT_TRUE(site.apply_scans(survey, &record).ok());
+      scanned(site, sensor, points, &record);
       sizes.push_back(record.size());
     }
   for (const std::size_t size : sizes) EXPECT_LT(size, sizes[0] * 3 / 2);
@@ -199,18 +198,15 @@ TEST(SiteScans, AreRecordedByWhatTheySaw) {
 TEST(SiteScans, AreRepeatedByACopy) {
   Site site(std::make_shared<Ground>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
             {{{"plate", Bucket{6, 0.6, {}, 0.8}}}});
-  const auto apply = [](Site& to, double x, std::string* record) {
+  const auto apply = [](Site& to, double x, std::string* record = nullptr) {
     std::mt19937_64 random(static_cast<std::uint64_t>(x));
     std::normal_distribution<double> noise(-0.02, 0.02);
     std::vector<Vec3> points;
     for (int i = -30; i < 30; ++i)
       for (int j = -30; j < 30; ++j) points.emplace_back(x + 0.1 * i, 0.1 * j, noise(random));
-    EXPECT_TRUE(to.scan(above(x), points).ok());
-    Survey survey;
-    EXPECT_TRUE(to.apply_scans(survey, record).ok());
-    return survey;
+    return scanned(to, above(x), points, record);
   };
-  apply(site, 0, nullptr);
+  apply(site, 0);
   Site copy(site);
   for (Site* each : {&site, &copy})
     for (const double x : {-3.0, 3.0})
@@ -218,7 +214,7 @@ TEST(SiteScans, AreRepeatedByACopy) {
   std::string record;
   apply(site, 1, &record);
   copy.repeat_survey(record);
-  const Survey one = apply(site, 12, nullptr), other = apply(copy, 12, nullptr);
+  const Survey one = apply(site, 12), other = apply(copy, 12);
   EXPECT_EQ(one.sigma_m3, other.sigma_m3);
   EXPECT_EQ(one.lip_errors_m[0].mean, other.lip_errors_m[0].mean);
   EXPECT_EQ(one.lip_errors_m[0].sigma, other.lip_errors_m[0].sigma);
@@ -237,9 +233,7 @@ TEST_P(LipsKnownBetter, CorrectEarlierGround) {
   double time_s = 0;
   const std::vector<double> places = {0, 20};
   const auto apply = [&](const Sensor& sensor, const std::vector<Vec3>& points) {
-    EXPECT_TRUE(site.scan(sensor, points).ok());
-    Survey survey;
-    EXPECT_TRUE(site.apply_scans(survey).ok());
+    const Survey survey = scanned(site, sensor, points);
     return survey.removed_m3 - survey.added_m3;
   };
   const int parts = in_parts ? 4 : 1;
@@ -320,10 +314,7 @@ class ScansOfSurveys : public ::testing::TestWithParam<bool> {
     sensor.name = std::to_string(mount_sigma_m);
     sensor.mount_height_sigma_m = mount_sigma_m;
     sensor.mount_tilt_sigma_rad = sensor.mount_scale_sigma = 1e-5;
-    EXPECT_TRUE(site.scan(sensor, points).ok());
-    Survey survey;
-    EXPECT_TRUE(site.apply_scans(survey).ok());
-    return survey;
+    return scanned(site, sensor, points);
   }
   void survey(const SurveyHeights& heights) {
     SurveyVolumes volumes;
@@ -436,6 +427,18 @@ TEST(SiteScans, SayThatAMachineIsMissing) {
                   "is of 2 machines, and the site has 1; with scans machines stay")));
 }
 
+TEST(SiteScans, OfAnotherFormatAreRefused) {
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+  std::string saved;
+  GroundSurvey scans(ground, {digger()}, {0.02});
+  scans.save(saved);
+  --saved[0];
+  std::string_view in = saved;
+  EXPECT_THAT([&] { scans.load(in); },
+              testing::ThrowsMessage<std::invalid_argument>(
+                  testing::StrEq("the state of the scans is of another version of soilvdb")));
+}
+
 /// A digger with a cab and a boom of boxes, on a plane; its bucket is far above.
 Site with_boom(bool has_shapes, const TempFolder& temp) {
   const auto shape = [&](const char* origin, const char* size) {
@@ -504,9 +507,8 @@ TEST(ScansOfAMachine, TakeItsLinksForNoGround) {
     Site site = with_boom(has_shapes, temp);
     const std::vector<double> joints = {lift};
     ASSERT_TRUE(site.update({.machine = 0, .joints = joints}).ok());
-    Survey survey;
     for (int i = 0; i < 10; ++i) ASSERT_TRUE(site.scan(camera, points).ok());
-    ASSERT_TRUE(site.apply_scans(survey).ok());
+    const Survey survey = applied(site);
     EXPECT_EQ(site.ground().chunks().empty(), has_shapes);
     if (!has_shapes) continue;
     EXPECT_GE(survey.rays.masked, 10 * met);
@@ -514,9 +516,7 @@ TEST(ScansOfAMachine, TakeItsLinksForNoGround) {
     EXPECT_EQ(survey.rays.used + survey.rays.masked, 10 * std::ssize(points));
     // As the boom was when the machine's pose alone was told, nobody knows.
     ASSERT_TRUE(site.update({.machine = 0, .pose = {{0, 0, 40}, {1, 0, 0, 0}}}).ok());
-    ASSERT_TRUE(site.scan(camera, points).ok());
-    ASSERT_TRUE(site.apply_scans(survey).ok());
-    EXPECT_EQ(survey.rays.masked, 0);
+    EXPECT_EQ(scanned(site, camera, points).rays.masked, 0);
   }
 }
 
@@ -532,10 +532,8 @@ TEST(ScansOfAMachine, MayBeginOnIt) {
     ground.emplace_back(-2 - 0.01 * i, 1.5 - 0.01 * i, 0);  // behind it: no boom
     housing.emplace_back(0.1, 0.001 * i, 2.0);
   }
-  Survey survey;
   ASSERT_TRUE(site.scan(on_cab, ground).ok());
-  ASSERT_TRUE(site.scan(on_cab, housing).ok());
-  ASSERT_TRUE(site.apply_scans(survey).ok());
+  const Survey survey = scanned(site, on_cab, housing);
   EXPECT_EQ(survey.rays.used, 400);
   EXPECT_EQ(survey.rays.masked, 400);
   EXPECT_TRUE(site.ground().chunks().empty());
@@ -548,8 +546,7 @@ TEST_P(SessionScans, AreBookedAndLeaveLoads) {
   const double change_m3 = session.change_m3();
   for (std::uint64_t n = 0; n < 5; ++n)  // six rays a column must agree
     ASSERT_TRUE(session.scan(kAbove, seen(session, -0.5, 9 + n)).ok());
-  Survey survey;
-  ASSERT_TRUE(session.apply_scans(survey).ok());
+  const Survey survey = applied(session);
   EXPECT_GT(survey.added_m3, 1);
   EXPECT_EQ(session.ledger(0).load, before.load);
   EXPECT_EQ(session.ledger(0).cut(), before.cut());
@@ -575,8 +572,7 @@ TEST_P(SessionScans, OfClonesAndRestoredStatesGoOnAlike) {
   EXPECT_EQ(clone.save(), session.save());
   EXPECT_EQ(restored.save(), session.save());
   for (Session* each : {&session, &clone, &restored}) {
-    Survey survey;
-    ASSERT_TRUE(each->apply_scans(survey).ok());
+    applied(*each);
     work(*each, part(states(), 0.4, 0.8), 2);
   }
   EXPECT_EQ(clone.save(), session.save());
