@@ -75,7 +75,7 @@ Site::Site(const Site& other)
       at_rest_(other.at_rest_),
       broken_(other.broken_),
       surveyed_(std::make_shared<SurveyedHeights>(*other.surveyed_)),
-      survey_(other.survey_ ? std::make_unique<GroundSurvey>(*ground_, *other.survey_, surveyed_)
+      survey_(other.survey_ ? std::make_unique<GroundScans>(*ground_, *other.survey_, surveyed_)
                             : nullptr),
       poured_s_(other.poured_s_),
       next_pour_s_(other.next_pour_s_) {}
@@ -480,7 +480,7 @@ void Site::set_progress(std::string_view bytes) {
     input->moved_from = from;
   }
   auto surveyed = SurveyedHeights::load(bytes);
-  std::unique_ptr<GroundSurvey> survey;
+  std::unique_ptr<GroundScans> survey;
   if (!bytes.empty()) {
     survey = new_survey();
     survey->load(bytes);

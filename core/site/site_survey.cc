@@ -21,17 +21,17 @@ void set_volumes(Volumes& volumes, const Surveyed& before, const Surveyed& now, 
 
 }  // namespace
 
-std::unique_ptr<GroundSurvey> Site::new_survey() const {
+std::unique_ptr<GroundScans> Site::new_survey() const {
   std::vector<Bucket> buckets;
   std::vector<double> lip_sigmas_m;
   for (const SiteMachine& machine : model_->machines) {
     buckets.push_back(machine.bucket);
     lip_sigmas_m.push_back(machine.lip_sigma_m);
   }
-  return std::make_unique<GroundSurvey>(*ground_, std::move(buckets), lip_sigmas_m, surveyed_);
+  return std::make_unique<GroundScans>(*ground_, std::move(buckets), lip_sigmas_m, surveyed_);
 }
 
-GroundSurvey& Site::scans() {
+GroundScans& Site::scans() {
   if (!survey_) survey_ = new_survey();
   return *survey_;
 }
@@ -66,14 +66,14 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
     }
     const Surveyed before = tracker_->surveyed();
     const bool is_news = survey_->has_news();
-    const std::vector<SurveyChange> changes = survey_->solve();
+    const std::vector<ScanChange> changes = survey_->solve();
     moving = true;
     tracker_->correct(changes);
     survey = survey_->applied();
     set_volumes(survey, before, tracker_->surveyed(), ground_->sample_m3());
     if (record != nullptr && is_news) {
       put(*record, /*of_scans=*/true, std::uint64_t{changes.size()});
-      for (const SurveyChange& change : changes)
+      for (const ScanChange& change : changes)
         put(*record, change.cell, change.top, change.samples, change.slope);
       survey_->save_changes(*record);
     }
@@ -120,9 +120,9 @@ void Site::repeat_survey(std::string_view record) {
   }
   std::uint64_t count = 0;
   take(record, count);
-  std::vector<SurveyChange> changes;
+  std::vector<ScanChange> changes;
   for (std::uint64_t i = 0; i < count; ++i) {
-    SurveyChange& change = changes.emplace_back();
+    ScanChange& change = changes.emplace_back();
     take(record, change.cell, change.top, change.samples, change.slope);
     if (!(change.cell.cast<double>().cwiseAbs().maxCoeff() < kMaxIndex &&
           std::abs(change.top) < kMaxIndex &&
@@ -178,7 +178,7 @@ Heap Site::heap(const std::vector<Vec2>& boundary) {
               ground_->sample_m3();
   for (const Estimate& error : survey_->cut_errors_m3())
     error_m3 += std::hypot(error.mean, error.sigma);
-  return survey_->heap(boundary, *tracker_->surveyed_samples(), soil->swell,
+  return survey_->heap(boundary, tracker_->surveyed_samples(), soil->swell,
                        moved_m3 > 0 ? error_m3 / moved_m3 : 0);
 }
 

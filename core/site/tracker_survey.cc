@@ -145,10 +145,10 @@ ChunkReceiver booked_to(SurveyedSamples& samples, int sign) {
 
 }  // namespace
 
-void Tracker::correct(std::span<const SurveyChange> changes) {
+void Tracker::correct(std::span<const ScanChange> changes) {
   ground_.evict();
   std::vector<ColumnEdit> lowered, raised;
-  for (const SurveyChange& change : changes) {
+  for (const ScanChange& change : changes) {
     const float a = corrected_slope(change.slope.x()), b = corrected_slope(change.slope.y());
     const double after = change.top + static_cast<double>(change.samples) / 64;
     const int room = correction_room(a, b);
@@ -196,8 +196,6 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
   others_forget_changes(settlers_.size());
   return changed;
 }
-
-const SurveyedSamples* Tracker::surveyed_samples() const { return surveyed_samples_.get(); }
 
 SurveyedSamples& Tracker::own_samples() {
   if (surveyed_samples_.use_count() > 1)  // clones share them

@@ -15,7 +15,7 @@
 
 #include "core/constants.h"
 #include "core/lattice/text.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 #include "core/survey/surveyed_samples.h"
 #include "core/tool/polygon.h"
 
@@ -42,11 +42,11 @@ class HeapColumns {
   };
 
   /// @throw std::invalid_argument without ground that was changed, or for too much of it
-  HeapColumns(SurveyState& state, const std::vector<Vec2>& boundary) : state_(state) {
+  HeapColumns(ScanState& state, const std::vector<Vec2>& boundary) : state_(state) {
     if (boundary.size() < 3) throw std::invalid_argument("a boundary must have 3 corners or more");
     for (const Vec2& corner : boundary)
       if (!corner.allFinite()) throw std::invalid_argument("a corner of the boundary is no number");
-    const SurveyState::Tiles tiles = state.changed_within(state.index_box(boundary));
+    const ScanState::Tiles tiles = state.changed_within(state.index_box(boundary));
     if (tiles.empty())
       throw std::invalid_argument(
           "there is no heap inside the boundary: nothing was put down there");
@@ -83,13 +83,13 @@ class HeapColumns {
     const Coord2 size = Coord2::Constant(kChunkSide);
     reader.read(cell, size, static_cast<std::size_t>(MapLayer::kDug), kNoCeiling, dug);
     reader.read(cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling, loose);
-    std::optional<SurveyTile> own;
-    const SurveyTile& tile = state_.look(cell, own);
+    std::optional<ScanTile> own;
+    const ScanTile& tile = state_.look(cell, own);
     Eigen::VectorXd sees(state_.error_count());
     for (int x = 0; x < kChunkSide; ++x) {
       for (int y = 0; y < kChunkSide; ++y) {
         const auto n = static_cast<std::size_t>(x * kChunkSide + y);
-        const SurveyColumn& of = tile.columns[n];
+        const ScanColumn& of = tile.columns[n];
         if (std::isnan(of.top)) continue;
         const Coord2 in = cell + Coord2(x, y) - first_;
         Column& column = columns_[number(in.x(), in.y())];
@@ -114,7 +114,7 @@ class HeapColumns {
     }
   }
 
-  SurveyState& state_;
+  ScanState& state_;
   Coord2 first_ = {0, 0}, size_ = {0, 0};
   std::vector<Column> columns_;
   Eigen::VectorXd on_;  // how the volume depends on common errors, m^2
@@ -209,8 +209,8 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
 
 }  // namespace
 
-std::vector<Estimate> GroundSurvey::cut_errors_m3() {
-  SurveyState& s = *state_;
+std::vector<Estimate> GroundScans::cut_errors_m3() {
+  ScanState& s = *state_;
   s.map.reader().refresh();
   const double area_m2 = s.voxel_m() * s.voxel_m(), own = kDugSigmaM * kDugSigmaM;
   std::vector<double> areas(s.lip_sigmas_m.size()), variances(areas.size());
@@ -218,10 +218,10 @@ std::vector<Estimate> GroundSurvey::cut_errors_m3() {
   std::set<std::pair<int, int>> tiles;
   for (const Chunk* chunk : s.ground.chunks()) tiles.emplace(chunk->origin.x(), chunk->origin.y());
   for (const auto& [x, y] : tiles) {
-    std::optional<SurveyTile> looked;
-    const SurveyTile& tile = s.look({x, y}, looked);
+    std::optional<ScanTile> looked;
+    const ScanTile& tile = s.look({x, y}, looked);
     for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
-      const SurveyColumn& column = tile.columns[n];
+      const ScanColumn& column = tile.columns[n];
       const Eigen::Index lip = s.lip_of(column);
       if (lip < 0 || std::isnan(column.top)) continue;
       const auto m = static_cast<std::size_t>(lip);
@@ -243,9 +243,9 @@ std::vector<Estimate> GroundSurvey::cut_errors_m3() {
   return errors;
 }
 
-Heap GroundSurvey::heap(const std::vector<Vec2>& boundary, const SurveyedSamples& samples,
-                        double swell, double bank_error) {
-  SurveyState& s = *state_;
+Heap GroundScans::heap(const std::vector<Vec2>& boundary, const SurveyedSamples& samples,
+                       double swell, double bank_error) {
+  ScanState& s = *state_;
   s.map.reader().refresh();
   const HeapColumns columns(s, boundary);
   const Coord2 size = columns.size();

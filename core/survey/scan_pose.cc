@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "core/constants.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -34,7 +34,7 @@ Eigen::Quaterniond turn_by(const Vec3& vector) {
 
 class PoseFit {
  public:
-  PoseFit(SurveyState& state, const Sensor& sensor, const ScanRays& rays)
+  PoseFit(ScanState& state, const Sensor& sensor, const ScanRays& rays)
       : state_(state), sensor_(sensor), told_(rays), rays_(rays), ranges_(rays.count()) {
     const double shift = sensor.pose_shift_sigma_m, turn = sensor.pose_turn_sigma_rad;
     const double height = height_sigma_m(sensor), tilt = tilt_sigma_rad(sensor);
@@ -62,7 +62,7 @@ class PoseFit {
 
  private:
   struct OfTile {
-    const SurveyTile* tile = nullptr;
+    const ScanTile* tile = nullptr;
     std::array<ScanSums, BaseColumn::kCells> sums = {};
   };
 
@@ -74,8 +74,8 @@ class PoseFit {
   }
 
   /// Is a column as it always was, and neither steep nor beside an edge?
-  bool is_stable(const SurveyTile& tile, std::size_t i) const {
-    return SurveyState::is_datum(tile.columns[i]) &&
+  bool is_stable(const ScanTile& tile, std::size_t i) const {
+    return ScanState::is_datum(tile.columns[i]) &&
            tile.slopes[i].squaredNorm() < kPoseSlope * kPoseSlope &&
            kBendFloor * tile.bends[i] * state_.voxel_m() < kMostBendErrorM;
   }
@@ -96,10 +96,10 @@ class PoseFit {
       const Coord2 column(cell_of(at.x()), cell_of(at.y()));
       const Coord2 cell = floor_to(column, kChunkSide);
       if (tile == nullptr || tile->tile->cell != cell) {
-        tile = &tiles_[SurveyState::mark(cell)];
+        tile = &tiles_[ScanState::mark(cell)];
         if (tile->tile == nullptr) tile->tile = &state_.tile(cell);
       }
-      const std::size_t n = SurveyState::number_of(column);
+      const std::size_t n = ScanState::number_of(column);
       if (!is_stable(*tile->tile, n)) continue;
       const Vec2& slope = tile->tile->slopes[n];
       const double descent = way.z() - slope.dot(way.head<2>());
@@ -127,8 +127,8 @@ class PoseFit {
       for (std::size_t i = 0; i < of.sums.size(); ++i)
         if (of.sums[i].rays > 0) {
           const Coord2 column = of.tile->place(i);
-          blocks.emplace(SurveyState::square_of(column.x(), side),
-                         SurveyState::square_of(column.y(), side));
+          blocks.emplace(ScanState::square_of(column.x(), side),
+                         ScanState::square_of(column.y(), side));
         }
     return blocks.size() >= kPoseBlocks;
   }
@@ -156,7 +156,7 @@ class PoseFit {
         const double own = state_.expected_variance(*of.tile, i);
         const double alike = kAlikeShare * of.tile->columns[i].variance;
         const double weight =
-            1 / (own - alike + 1 / SurveyState::weight_of(sums, sensor_, Vec2(0, 0)));
+            1 / (own - alike + 1 / ScanState::weight_of(sums, sensor_, Vec2(0, 0)));
         information += weight * on * on.transpose();
         sum -= weight * residual * on;
         OfBlock& block = blocks[state_.block_of(*of.tile, i)];
@@ -173,7 +173,7 @@ class PoseFit {
     return covariance_ * sum;
   }
 
-  SurveyState& state_;
+  ScanState& state_;
   const Sensor& sensor_;
   const RangeModel model_ = range_model(sensor_);
   const ScanRays& told_;
@@ -186,7 +186,7 @@ class PoseFit {
 
 }  // namespace
 
-std::optional<Pose> SurveyState::fit_pose(const Sensor& sensor, ScanRays& ends) {
+std::optional<Pose> ScanState::fit_pose(const Sensor& sensor, ScanRays& ends) {
   PoseFit fit(*this, sensor, ends);
   if (!fit.fit()) return {};
   ends = std::move(fit.rays());

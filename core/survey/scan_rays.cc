@@ -9,7 +9,7 @@
 
 #include "core/constants.h"
 #include "core/lattice/affine.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -162,7 +162,7 @@ SOILVDB_FOR_CPUS void find_places(const ColumnsAbout& columns, const float* x, c
 /// Takes the rays of a scan. Coordinates are from the sensor, m.
 class Rays {
  public:
-  Rays(SurveyState& state, const Sensor& sensor, int number)
+  Rays(ScanState& state, const Sensor& sensor, int number)
       : state_(state),
         from_(sensor.pose.position),
         model_(range_model(sensor)),
@@ -200,14 +200,14 @@ class Rays {
     float x, y, z, length;  // direction; m
   };
   struct Slot {
-    SurveyTile* tile = nullptr;
+    ScanTile* tile = nullptr;
     std::array<ScanSums, BaseColumn::kCells>* sums = nullptr;
   };
   /// A column that a place is in.
   struct Place {
     Slot* slot = nullptr;
     std::size_t i = 0, quarter = 0;
-    SurveyColumn& column() const { return slot->tile->columns[i]; }
+    ScanColumn& column() const { return slot->tile->columns[i]; }
   };
 
   void take(const Ray& ray, float range) {
@@ -250,7 +250,7 @@ class Rays {
       const Coord2 cell = first_ + floor_to(in, kChunkSide);
       if (!(cell.cwiseAbs().maxCoeff() < static_cast<int>(kMaxIndex))) return false;
       place.slot->tile = &state_.tile(cell);
-      state_.news.insert(SurveyState::mark(cell));
+      state_.news.insert(ScanState::mark(cell));
     }
     return true;
   }
@@ -265,7 +265,7 @@ class Rays {
                       std::max(std::abs(ray.z), static_cast<float>(kLeastDescent)));
   }
   /// Of a height from the sensor above a column's first.
-  double above(const SurveyColumn& column, float z) const {
+  double above(const ScanColumn& column, float z) const {
     return static_cast<double>(z) - (level_ + static_cast<double>(h_) * column.first);
   }
 
@@ -273,7 +273,7 @@ class Rays {
   bool meet(const Ray& ray, float range, float sigma) {
     Place met;
     if (!find(met_, ray.number, met)) return false;
-    SurveyColumn& column = met.column();
+    ScanColumn& column = met.column();
     if (std::isnan(column.top)) return false;
     const float x = range * ray.x, y = range * ray.y;
     const Vec2& slope = met.slot->tile->slopes[met.i];
@@ -302,7 +302,7 @@ class Rays {
     (*met.slot->sums)[met.i].add(ray_weight(error), r, sees(x, y, z));
     ++column.rays;
     if (find(ends_, ray.number, end)) {
-      SurveyColumn& in = end.column();
+      ScanColumn& in = end.column();
       in.cells.add(end.quarter, area_of(ray));
       if (!std::isnan(in.first)) in.height += height_units(above(in, ray.length * ray.z));
     }
@@ -326,7 +326,7 @@ class Rays {
     return true;
   }
 
-  SurveyState& state_;
+  ScanState& state_;
   const Vec3 from_;
   const RangeModel model_;
   const int number_;
@@ -343,9 +343,9 @@ class Rays {
 
 }  // namespace
 
-ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
-                               std::span<const Pose* const> poses,
-                               std::span<const PlacedBoxes> links) {
+ScanRays ScanState::unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
+                             std::span<const Pose* const> poses,
+                             std::span<const PlacedBoxes> links) {
   const Vec3& from = sensor.pose.position;
   std::vector<Mask> masks;
   for (std::size_t m = 0; m < poses.size(); ++m) {
@@ -383,7 +383,7 @@ ScanRays SurveyState::unmasked(const Sensor& sensor, std::span<const Vec3> point
   return all;
 }
 
-void SurveyState::add_rays(const Sensor& sensor, int number, const ScanRays& ends) {
+void ScanState::add_rays(const Sensor& sensor, int number, const ScanRays& ends) {
   std::vector<float> ranges(ends.count());
   view.ranges(sensor.pose.position, ends, ranges);
   is_solved = is_solved && ends.count() == 0;

@@ -8,12 +8,12 @@
 #include <utility>
 
 #include "core/constants.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-using Heights = SurveyState::Heights;
+using Heights = ScanState::Heights;
 
 /// Heights of a column by what rays say of its quarters.
 struct Vote {
@@ -43,7 +43,7 @@ Level level_at(const ScanVotes& votes, int first, int last) {
 
 /// Rays of a column: those that ended in it as expected, and all.
 struct RaysOf {
-  RaysOf(const SurveyColumn& column, const ScanVotes& votes)
+  RaysOf(const ScanColumn& column, const ScanVotes& votes)
       : expected(column.cells.rays + column.blind), others(votes.rays()) {}
 
   /// How many must agree on a height.
@@ -64,7 +64,7 @@ int extent_of(const std::array<std::int64_t, 16>& areas) {
 /// are taken by its quarters along both axes. Hits on the face of a wall lie above each other, and
 /// so reach over few of these: they are left out.
 /// @param wall heights above the column's `first`, m, of rays that are of no new ground
-std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
+std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
                          const std::optional<Heights>& wall) {
   const RaysOf of_column(column, votes);
   std::map<int, std::int64_t> left;  // rays by bin
@@ -156,7 +156,7 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes,
 
 }  // namespace
 
-bool SurveyState::is_met(const Vec3& end) const {
+bool ScanState::is_met(const Vec3& end) const {
   const Vec3 at = ground.index_from_world(end);
   const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
   std::int64_t count = 0;
@@ -183,7 +183,7 @@ bool SurveyState::is_met(const Vec3& end) const {
 
 /// Votes of columns whose soil lies above rays, short of their ends. Only where other rays end as
 /// well: mirrors and leaves let single rays end anywhere.
-void SurveyState::see_through() {
+void ScanState::see_through() {
   const double h = voxel_m();
   for (const ThroughRay& ray : through) {
     const Vec3 way = ray.to - ray.from;
@@ -195,15 +195,15 @@ void SurveyState::see_through() {
     if (!is_met(ray.to)) continue;
     bool any = false;
     std::optional<Coord2> last;
-    SurveyTile* in = nullptr;
+    ScanTile* in = nullptr;
     for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
       const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);
       if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) break;
       const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
       if (in == nullptr || in->cell != floor_to(cell, kChunkSide)) in = &tile_of(cell);
-      SurveyTile& tile = *in;
+      ScanTile& tile = *in;
       const std::size_t i = number_of(cell);
-      const SurveyColumn& column = tile.columns[i];
+      const ScanColumn& column = tile.columns[i];
       const double ceiling = place.z() + room;
       if (!(ceiling < ground.origin().z() + h * column.top) || column.changed > ray.time) continue;
       news.insert(mark(tile.cell));
@@ -219,8 +219,7 @@ void SurveyState::see_through() {
   through.clear();
 }
 
-std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
-                                                         std::size_t i) const {
+std::optional<ScanState::Heights> ScanState::wall_at(const ScanTile& tile, std::size_t i) const {
   const double h = voxel_m(), first = tile.columns[i].first;
   constexpr double kNone = std::numeric_limits<double>::infinity();
   Heights wall = {kNone, -kNone};
@@ -233,7 +232,7 @@ std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
       const auto votes = found->second.votes.find(static_cast<int>(n));
       if (votes != found->second.votes.end() && votes->second.through >= kScanVotes) return {};
       // What scans found before may be half of what is there.
-      const SurveyColumn& column = found->second.columns[n];
+      const ScanColumn& column = found->second.columns[n];
       const bool is_scanned =
           column.origin == kSurveyed && !(surveyed && surveyed->are_of(cell, column.top));
       if (std::isnan(column.top) || is_scanned) continue;
@@ -247,15 +246,15 @@ std::optional<SurveyState::Heights> SurveyState::wall_at(const SurveyTile& tile,
 
 /// Columns of which enough rays say that they have another height get that. What too few rays say
 /// is kept, until there are so many that enough of them would have agreed.
-void SurveyState::take_votes() {
+void ScanState::take_votes() {
   see_through();
   // All are looked at before any is decided, so that the order of columns does not matter.
   std::vector<std::optional<Vote>> decisions;
   for (const auto& cell : news) {
-    const SurveyTile& tile = marked(cell);
+    const ScanTile& tile = marked(cell);
     for (const auto& [n, votes] : tile.votes) {
       const auto i = static_cast<std::size_t>(n);
-      const SurveyColumn& column = tile.columns[i];
+      const ScanColumn& column = tile.columns[i];
       if (std::isnan(column.top)) continue;
       decisions.push_back(RaysOf(column, votes).may_agree() ? vote(column, votes, wall_at(tile, i))
                                                             : std::nullopt);
@@ -263,11 +262,11 @@ void SurveyState::take_votes() {
   }
   auto decision = decisions.begin();
   for (const auto& cell : news) {
-    SurveyTile* tile = &marked(cell);
+    ScanTile* tile = &marked(cell);
     std::map<int, ScanVotes> undecided;
     for (auto& [n, votes] : tile->votes) {
       const auto i = static_cast<std::size_t>(n);
-      SurveyColumn& column = tile->columns[i];
+      ScanColumn& column = tile->columns[i];
       if (std::isnan(column.top)) continue;
       std::optional<Vote> now = std::move(*decision++);
       const std::int64_t fresh = votes.rays() - votes.told;
@@ -306,14 +305,14 @@ void SurveyState::take_votes() {
     }
     tile->votes = std::move(undecided);
     // Of the rays that met the ground as expected only new ones count: it may have changed since.
-    for (SurveyColumn& column : tile->columns) {
+    for (ScanColumn& column : tile->columns) {
       column.rays = column.height = column.blind = 0;
       column.cells = {};
     }
   }
 }
 
-bool SurveyState::is_contested(const SurveyTile& tile, std::size_t i) {
+bool ScanState::is_contested(const ScanTile& tile, std::size_t i) {
   const auto found = tile.votes.find(static_cast<int>(i));
   if (found == tile.votes.end()) return false;
   const ScanVotes& votes = found->second;

@@ -419,9 +419,9 @@ TEST_P(SessionScans, GoOnWithSurveysBetween) {
 TEST(SiteScans, SayThatAMachineIsMissing) {
   Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
   std::string saved;
-  GroundSurvey(ground, {digger(), digger()}, {0.02, 0.02}).save(saved);
+  GroundScans(ground, {digger(), digger()}, {0.02, 0.02}).save(saved);
   std::string_view in = saved;
-  GroundSurvey of_one(ground, {digger()}, {0.02});
+  GroundScans of_one(ground, {digger()}, {0.02});
   EXPECT_THAT([&] { of_one.load(in); },
               testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr(
                   "is of 2 machines, and the site has 1; with scans machines stay")));
@@ -430,7 +430,7 @@ TEST(SiteScans, SayThatAMachineIsMissing) {
 TEST(SiteScans, OfAnotherFormatAreRefused) {
   Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
   std::string saved;
-  GroundSurvey scans(ground, {digger()}, {0.02});
+  GroundScans scans(ground, {digger()}, {0.02});
   scans.save(saved);
   --saved[0];
   std::string_view in = saved;

@@ -12,7 +12,7 @@
 #include <set>
 
 #include "core/ground/ground_writer.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 #include "tests/support/earthmoving_fixture.h"
 
 namespace soilvdb::test {
@@ -103,7 +103,7 @@ struct Scan {
   }
 
   Ground ground;
-  std::optional<SurveyState> state;
+  std::optional<ScanState> state;
 };
 
 void expect_same(const std::optional<Pose>& a, const std::optional<Pose>& b) {
@@ -199,18 +199,18 @@ ScanRays without(const ScanRays& rays, const Pose& told, const F& is_left_out) {
 // Ground that is not as it always was, steep or beside an edge tells nothing: as if no ray had met
 // it.
 TEST_P(ScanPoses, AreOfStableGroundAlone) {
-  using Change = void (*)(SurveyTile&, std::size_t);
+  using Change = void (*)(ScanTile&, std::size_t);
   const std::vector<Change> changes = {
-      [](SurveyTile& tile, std::size_t i) { tile.columns[i].origin = kFirstMachine; },
-      [](SurveyTile& tile, std::size_t i) { tile.columns[i].origin = kSurveyed; },
-      [](SurveyTile& tile, std::size_t i) { tile.columns[i].first += 0.1; },
-      [](SurveyTile& tile, std::size_t i) {
+      [](ScanTile& tile, std::size_t i) { tile.columns[i].origin = kFirstMachine; },
+      [](ScanTile& tile, std::size_t i) { tile.columns[i].origin = kSurveyed; },
+      [](ScanTile& tile, std::size_t i) { tile.columns[i].first += 0.1; },
+      [](ScanTile& tile, std::size_t i) {
         tile.columns[i].prior = kChangedSigmaM * kChangedSigmaM;
       },
-      [](SurveyTile& tile, std::size_t i) {
+      [](ScanTile& tile, std::size_t i) {
         tile.slopes[i] = {0.8, 0.8};
       },
-      [](SurveyTile& tile, std::size_t i) { tile.bends[i] = 2; }};
+      [](ScanTile& tile, std::size_t i) { tile.bends[i] = 2; }};
   const Sensor sensor = moving({{0, 0, 5}, {0, 1, 0, 0}});
   const Pose truth = moved(sensor.pose, random_off());
   for (const Change change : changes) {

@@ -152,7 +152,7 @@ class Site {
   /// Lets soil that is too steep or overhangs come to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
 
-  /// Takes what a sensor saw, to correct the ground by it. See GroundSurvey.
+  /// Takes what a sensor saw, to correct the ground by it. See GroundScans.
   /// @param points_m where its rays ended, world
   StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
   /// Corrects the ground by all scans so far; without any nothing changes. What scans add or remove
@@ -173,9 +173,9 @@ class Site {
   /// Of each machine: its lip's height as told less the true, as scans know it; empty before any.
   std::vector<Estimate> lip_errors_m() const;
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
-  /// by scans. @param seen as of GroundSurvey::sigmas(). @throw as HeightMap::at()
+  /// by scans. @param seen as of GroundScans::sigmas(). @throw as HeightMap::at()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
-  /// See GroundSurvey::seen_squares().
+  /// See GroundScans::seen_squares().
   std::vector<Coord2> seen_squares() const;
   /// Sigma of the change of volume inside a boundary against the terrain, by the same. Ground that
   /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd
@@ -246,8 +246,8 @@ class Site {
   bool at_rest_ = false;                      // soil has come to rest at the end of a run
   std::string broken_ = {};  // why the site refuses all updates; empty: it does not
   std::shared_ptr<SurveyedHeights> surveyed_ =
-      std::make_shared<SurveyedHeights>();     // survey_ reads it
-  std::unique_ptr<GroundSurvey> survey_ = {};  // from the first scan on
+      std::make_shared<SurveyedHeights>();    // survey_ reads it
+  std::unique_ptr<GroundScans> survey_ = {};  // from the first scan on
 
  private:
   template <typename Result, typename Work>
@@ -257,8 +257,8 @@ class Site {
 
   /// @return columns that have another height than before
   std::int64_t take_survey(const SurveyHeights& heights);
-  GroundSurvey& scans();
-  std::unique_ptr<GroundSurvey> new_survey() const;
+  GroundScans& scans();
+  std::unique_ptr<GroundScans> new_survey() const;
 
   std::optional<double> poured_s_ = {};     // time up to which pours have fallen
   std::optional<double> next_pour_s_ = {};  // no part falls earlier

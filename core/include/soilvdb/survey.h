@@ -70,7 +70,7 @@ struct Survey {
 };
 
 /// Samples to be removed from a column, or added to it, in the shape of the ground's slope.
-struct SurveyChange {
+struct ScanChange {
   Coord2 cell;               ///< x, y
   double top = 0;            ///< height of the column, index space
   std::int64_t samples = 0;  ///< to be added; negative: to be removed
@@ -85,7 +85,7 @@ struct Heap {
   Estimate repose_rad;  ///< slope of its flanks
 };
 
-struct SurveyState;     // core/survey/survey_state.h
+struct ScanState;       // core/survey/scan_state.h
 class SurveyedSamples;  // core/survey/surveyed_samples.h
 
 /// Corrections of columns of voxels by scans, with their sigmas.
@@ -101,17 +101,17 @@ class SurveyedSamples;  // core/survey/surveyed_samples.h
 /// Sums are integers: the result is the same for any order of scans and any split of a scan between
 /// two changes of the ground. Of a sensor that moves, each call of scan() has a pose of its own, so
 /// parts of a scan are other scans.
-class GroundSurvey {
+class GroundScans {
  public:
   /// @param ground must outlive it @param buckets of the machines
   /// @param lip_sigmas_m of each machine: standard deviation of its lip's height as told
   /// @param surveyed what surveys told and will tell, as Tracker::survey(); null: there are none
-  GroundSurvey(Ground& ground, std::vector<Bucket> buckets, std::vector<double> lip_sigmas_m,
-               std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
+  GroundScans(Ground& ground, std::vector<Bucket> buckets, std::vector<double> lip_sigmas_m,
+              std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
   /// Of a clone of the other's ground. @param surveyed of the clone
-  GroundSurvey(Ground& clone, const GroundSurvey& other,
-               std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
-  ~GroundSurvey();
+  GroundScans(Ground& clone, const GroundScans& other,
+              std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
+  ~GroundScans();
 
   /// What changed since the last call is this machine's work; unset: that of no machine.
   void worked(std::optional<std::size_t> machine);
@@ -125,7 +125,7 @@ class GroundSurvey {
             std::span<const Pose* const> buckets, std::span<const PlacedBoxes> bodies = {});
   /// What all scans so far say. @return changes of the ground that are worth it; the caller makes
   /// them, and calls applied()
-  std::vector<SurveyChange> solve();
+  std::vector<ScanChange> solve();
   /// After the changes of solve() were made. Its volumes are left to the caller.
   Survey applied();
 
@@ -159,7 +159,7 @@ class GroundSurvey {
   void load(std::string_view& in);
 
  private:
-  std::unique_ptr<SurveyState> state_;
+  std::unique_ptr<ScanState> state_;
 };
 
 }  // namespace soilvdb::inline v0

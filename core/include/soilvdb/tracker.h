@@ -169,15 +169,14 @@ class Tracker {
 
   /// Changes columns as scans say. Added soil is loose where soil moves. It stays as it is, however
   /// steep, until something else changes the ground there.
-  void correct(std::span<const SurveyChange> changes);
+  void correct(std::span<const ScanChange> changes);
   /// Gives columns the heights of a survey, to the sample. Where it has none, and where the ground
   /// has none, nothing changes. Soil above a gap that it sees into goes, caves below it stay. Added
   /// soil is as that of correct(). @return number of the columns that changed
   /// @throw std::invalid_argument as SurveyHeights::validate()
   std::int64_t survey(const SurveyHeights& survey);
   const Surveyed& surveyed() const { return surveyed_; }
-  /// The same by columns; null if this tracker's state is of a version that did not keep it.
-  const SurveyedSamples* surveyed_samples() const;
+  const SurveyedSamples& surveyed_samples() const { return *surveyed_samples_; }  ///< by columns
 
   const Ledger& ledger(std::size_t machine) const;
   /// Mass of the soil outside of the ground and the buckets; zeros if soil does not move.

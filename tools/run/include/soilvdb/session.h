@@ -175,9 +175,9 @@ class Session {
   /// something happens there: to be called before heights of a survey are made.
   /// @throw std::invalid_argument if it is recorded far from there
   void begin_near(const Vec3& at_m);
-  /// Sigmas of heights(), m; NaN without ground. @param seen as of GroundSurvey::sigmas()
+  /// Sigmas of heights(), m; NaN without ground. @param seen as of GroundScans::sigmas()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m, std::span<double> seen = {});
-  /// See GroundSurvey::seen_squares().
+  /// See GroundScans::seen_squares().
   std::vector<Coord2> seen_squares() const;
 
   /// @throw std::out_of_range if there is no such machine

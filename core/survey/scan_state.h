@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The state of a GroundSurvey.
+// The state of GroundScans.
 #pragma once
 
 #include <algorithm>
@@ -19,8 +19,8 @@
 #include "core/surface/height_reader.h"
 #include "core/survey/common_errors.h"
 #include "core/survey/ground_view.h"
+#include "core/survey/scan_tiles.h"
 #include "core/survey/sensor_model.h"
-#include "core/survey/survey_tiles.h"
 #include "soilvdb/height_map.h"
 #include "soilvdb/survey.h"
 
@@ -58,7 +58,7 @@ inline bool is_moving(const Sensor& sensor) {
 }
 
 /// What is known, apart from the ground.
-struct SurveyRecord {
+struct ScanRecord {
   using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
   struct BlockState {
     BlockResidual retired = {};          // of columns of which the ground has changed since
@@ -76,7 +76,7 @@ struct SurveyRecord {
   };
   std::vector<Bucket> buckets;
   std::vector<double> lip_sigmas_m;  // of machines, then of a tool that is not known
-  std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
+  std::unordered_map<std::uint64_t, ScanTile, PlanHash> tiles;
   Tiles stale;     // where the ground has changed since they were read
   Tiles news;      // of which scans told something since solve()
   Tiles unsummed;  // that changed since their parts were made
@@ -106,26 +106,26 @@ struct SurveyRecord {
   double sigma_m3 = 0;              // of the last solution
 };
 
-struct SurveyState : SurveyRecord {
-  SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> lip_sigmas_m,
-              std::shared_ptr<const SurveyedHeights> all_surveyed);
-  SurveyState(Ground& clone, const SurveyState& other,
-              std::shared_ptr<const SurveyedHeights> all_surveyed);
+struct ScanState : ScanRecord {
+  ScanState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> lip_sigmas_m,
+            std::shared_ptr<const SurveyedHeights> all_surveyed);
+  ScanState(Ground& clone, const ScanState& other,
+            std::shared_ptr<const SurveyedHeights> all_surveyed);
 
   double voxel_m() const { return ground.voxel_size_m(); }
   /// The height from which a column's residuals and votes are counted, world.
-  double first_m(const SurveyColumn& column) const {
+  double first_m(const ScanColumn& column) const {
     return ground.origin().z() + voxel_m() * column.first;
   }
   /// The tile of a lowest cell, as the ground is.
-  SurveyTile& tile(const Coord2& cell);
-  SurveyTile& tile_of(const Coord2& column) { return tile(floor_to(column, kChunkSide)); }
+  ScanTile& tile(const Coord2& cell);
+  ScanTile& tile_of(const Coord2& column) { return tile(floor_to(column, kChunkSide)); }
   static std::size_t number_of(const Coord2& column) {
     const Coord2 in = column - floor_to(column, kChunkSide);
     return static_cast<std::size_t>(in.x() * kChunkSide + in.y());
   }
   static std::pair<int, int> mark(const Coord2& cell) { return {cell.x(), cell.y()}; }
-  SurveyTile& marked(const std::pair<int, int>& cell) {
+  ScanTile& marked(const std::pair<int, int>& cell) {
     return tiles.at(plan_key({cell.first, cell.second}));
   }
   /// Tells that the ground of a tile changed.
@@ -139,17 +139,17 @@ struct SurveyState : SurveyRecord {
   /// Tiles in which the ground was changed.
   Tiles changed_within(const Eigen::AlignedBox2d& box) const;
   /// Did scans or a survey see a column as it is?
-  bool is_seen(const SurveyTile& tile, std::size_t i) const;
+  bool is_seen(const ScanTile& tile, std::size_t i) const;
   /// Share of a column that is inside a boundary, by parts of it.
   double share_inside(const std::vector<Vec2>& boundary, const Coord2& column) const;
   /// Reads tiles anew where the ground changed. @param own by applied()
   void refresh(bool own);
   /// Why a tile is read: the ground changed, or by applied(), or for a look that changes nothing.
   enum class How { kChanged, kOwn, kLook };
-  void read(SurveyTile& tile, How how);
-  static SurveyTile new_tile(const Coord2& cell);
+  void read(ScanTile& tile, How how);
+  static ScanTile new_tile(const Coord2& cell);
   /// A tile as the ground is, and changes nothing. @param own storage for one that is not known
-  const SurveyTile& look(const Coord2& cell, std::optional<SurveyTile>& own);
+  const ScanTile& look(const Coord2& cell, std::optional<ScanTile>& own);
   /// @param around_m the points @throw std::invalid_argument if too many tiles would be seen
   void require_room(const Eigen::AlignedBox2d& around_m, std::span<const Vec3> points_m) const;
   /// The number that a sensor has or would have, and whether there was a scan of it.
@@ -169,20 +169,34 @@ struct SurveyState : SurveyRecord {
   /// @param ends are turned with the pose
   std::optional<Pose> fit_pose(const Sensor& sensor, ScanRays& ends);
 
-  // survey_solution.cc
+  // scan_votes.cc
+  /// Do enough rays end about where a ray does?
+  bool is_met(const Vec3& end) const;
+  void see_through();
+  void take_votes();
+  struct Heights {
+    double low, high;
+  };
+  /// What stands upright beside a column and no ray went through: rays that end on its face or rim
+  /// are of no new ground. Heights above the column's `first`, m.
+  std::optional<Heights> wall_at(const ScanTile& tile, std::size_t i) const;
+  /// Do more rays say that a column is another than that it is as expected, if too few to say how?
+  static bool is_contested(const ScanTile& tile, std::size_t i);
+
+  // scan_solution.cc
   /// Variance of a column's height before any scan, with its lip's, and with what its slope and
   /// its bend let rays err, m^2.
-  double expected_variance(const SurveyTile& tile, std::size_t i) const;
+  double expected_variance(const ScanTile& tile, std::size_t i) const;
   /// Of what a scan's rays say of a column: what repeats does not average out.
   /// @param slope of the ground, where the sensor's place counts
   static double weight_of(const ScanSums& sums, const Sensor& sensor, const Vec2& slope);
   /// A column as one residual. @param sees a, of all sensors
-  ColumnResidual residual_of(const SurveyTile& tile, std::size_t i,
+  ColumnResidual residual_of(const ScanTile& tile, std::size_t i,
                              Eigen::Ref<Eigen::VectorXd> sees) const;
   /// The only common error on which a column's predicted height depends, one to one; -1: none.
-  Eigen::Index lip_of(const SurveyColumn& column) const;
+  Eigen::Index lip_of(const ScanColumn& column) const;
   /// Does a column that rays met tell of the errors that it shares?
-  bool tells_of_errors(const SurveyTile& tile, std::size_t i, const ColumnResidual& residual) const;
+  bool tells_of_errors(const ScanTile& tile, std::size_t i, const ColumnResidual& residual) const;
   Eigen::VectorXd prior() const;
   Eigen::Index error_count() const;
   /// The first of a sensor's common errors.
@@ -194,55 +208,43 @@ struct SurveyState : SurveyRecord {
                                  Eigen::Index count);
   void widen_errors(Eigen::Index at, Eigen::Index count);
   /// A column's correction by what it and the errors that it shares are known to be.
-  void correct(const SurveyColumn& column, ColumnResidual residual, const BlockError& block,
+  void correct(const ScanColumn& column, ColumnResidual residual, const BlockError& block,
                const Eigen::Ref<const Eigen::VectorXd>& sees, CommonErrors::Correction& to) const;
   BlockError error_of(const Block& block) const;
   /// Variance of a column's height, m^2.
-  double height_variance(const SurveyTile& tile, std::size_t i) const;
-  /// Do more rays say that a column is another than that it is as expected, if too few to say how?
-  static bool is_contested(const SurveyTile& tile, std::size_t i);
+  double height_variance(const ScanTile& tile, std::size_t i) const;
   /// Do scans say that a column is other than its errors explain?
-  static bool is_other(const SurveyColumn& column);
+  static bool is_other(const ScanColumn& column);
   /// Is a column as the terrain, and nothing speaks against that?
-  static bool is_datum(const SurveyColumn& column);
+  static bool is_datum(const ScanColumn& column);
   /// Keeps what a column says of the common errors when its ground has changed.
-  void retire(const SurveyTile& tile, std::size_t i);
+  void retire(const ScanTile& tile, std::size_t i);
   /// Of blocks of which no column is left, those in a square become one.
   void retire_blocks();
-  /// Do enough rays end about where a ray does?
-  bool is_met(const Vec3& end) const;
-  void see_through();
-  void take_votes();
-  struct Heights {
-    double low, high;
-  };
-  /// What stands upright beside a column and no ray went through: rays that end on its face or rim
-  /// are of no new ground. Heights above the column's `first`, m.
-  std::optional<Heights> wall_at(const SurveyTile& tile, std::size_t i) const;
-  std::vector<SurveyChange> solve();  // of news
+  std::vector<ScanChange> solve();  // of news
 
   /// The square of a side in which a column is, along an axis.
   static int square_of(int at, int side) { return at >= 0 ? at / side : -1 - (-1 - at) / side; }
   int block_side() const {
     return std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
   }
-  Block block_of(const SurveyTile& tile, std::size_t i) const;
+  Block block_of(const ScanTile& tile, std::size_t i) const;
   /// A column's place from its block's corner.
-  Eigen::Vector2d place_in(const Block& block, const SurveyTile& tile, std::size_t i) const;
+  Eigen::Vector2d place_in(const Block& block, const ScanTile& tile, std::size_t i) const;
   /// The tiles that a block reaches into, by their cells.
-  std::vector<SurveyTile*> tiles_of(const Block& block);
+  std::vector<ScanTile*> tiles_of(const Block& block);
   /// Columns of some tiles that scans told something of.
   class SeenColumns;
   CommonErrors estimate() const;
   /// Tiles of the blocks whose corrections would be others with the present common errors.
   Tiles moved();
   /// Adds an area of a column to the error of a volume. @param correction as correct() has it
-  void add_volume(BlockSums& to, const SurveyTile& tile, std::size_t i,
+  void add_volume(BlockSums& to, const ScanTile& tile, std::size_t i,
                   const ColumnResidual& residual, const BlockError& block,
                   const CommonErrors::Correction& correction, double area_m2,
                   bool is_corrected) const;
   /// Of the columns around one in its tile, the share of those that scans only say are others.
-  static double untold_about(const SurveyTile& tile, std::size_t i);
+  static double untold_about(const ScanTile& tile, std::size_t i);
   /// Sigma of the volume of all columns that were added. Each block at most once.
   class VolumeError {
    public:

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The state of a GroundSurvey as bytes. Columns that no scan told anything of are left out.
+// The state of GroundScans as bytes. Columns that no scan told anything of are left out.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -8,14 +8,14 @@
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 7;
+constexpr std::uint32_t kScanFormat = 7;
 
-[[noreturn]] void refuse_survey() {
+[[noreturn]] void refuse_scans() {
   throw std::invalid_argument("the state of the scans is of another site");
 }
 
@@ -24,7 +24,7 @@ template <typename T>
 T take_number(std::string_view& in, std::uint64_t end) {
   std::uint64_t value = 0;
   take(in, value);
-  if (value >= end) refuse_survey();
+  if (value >= end) refuse_scans();
   return static_cast<T>(value);
 }
 void put_number(std::string& out, std::uint64_t value) { put(out, value); }
@@ -32,7 +32,7 @@ void put_number(std::string& out, std::uint64_t value) { put(out, value); }
 double take_finite(std::string_view& in) {
   double value = 0;
   take(in, value);
-  if (!std::isfinite(value)) refuse_survey();
+  if (!std::isfinite(value)) refuse_scans();
   return value;
 }
 
@@ -45,7 +45,7 @@ void take_sums(std::string_view& in, ScanSums& sums) {
   take_amount(in, sums.weight);
   take(in, sums.residual);
   for (std::int64_t& value : sums.sees) take(in, value);
-  if (sums.rays > 0 && sums.weight == 0) refuse_survey();
+  if (sums.rays > 0 && sums.weight == 0) refuse_scans();
 }
 
 void put_cells(std::string& out, const ScanCells& cells) {
@@ -57,17 +57,17 @@ void take_cells(std::string_view& in, ScanCells& cells) {
   for (std::int64_t& area : cells.areas) take_amount(in, area);
 }
 
-void put_column(std::string& out, const SurveyColumn& column) {
+void put_column(std::string& out, const ScanColumn& column) {
   put(out, column.first, column.top, column.variance, column.prior);
   put_number(out, column.origin);
   put(out, column.changed, column.pass, column.rays, column.height, column.blind);
   put_cells(out, column.cells);
 }
-void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origins) {
+void take_column(std::string_view& in, ScanColumn& column, std::uint64_t origins) {
   take(in, column.first, column.top);  // NaN without ground
   column.variance = take_finite(in);
   column.prior = take_finite(in);
-  if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_survey();
+  if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_scans();
   column.origin = take_number<std::uint16_t>(in, origins);
   take(in, column.changed, column.pass);
   take_amount(in, column.rays);
@@ -106,10 +106,10 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, std::size_t sensors) 
       take_sums(in, hits.sums);
     }
   }
-  if (votes.told > votes.rays()) refuse_survey();
+  if (votes.told > votes.rays()) refuse_scans();
 }
 
-using Tiles = SurveyState::Tiles;
+using Tiles = ScanState::Tiles;
 
 void put_cells_of(std::string& out, const Tiles& tiles) {
   put_number(out, tiles.size());
@@ -118,15 +118,15 @@ void put_cells_of(std::string& out, const Tiles& tiles) {
 Coord2 take_cell(std::string_view& in) {
   Coord2 cell;
   take(in, cell);
-  if (floor_to(cell, kChunkSide) != cell || cell.cwiseAbs().maxCoeff() > kMaxIndex) refuse_survey();
+  if (floor_to(cell, kChunkSide) != cell || cell.cwiseAbs().maxCoeff() > kMaxIndex) refuse_scans();
   return cell;
 }
 /// Of tiles that there are.
-void take_cells_of(std::string_view& in, const SurveyState& s, Tiles& tiles) {
+void take_cells_of(std::string_view& in, const ScanState& s, Tiles& tiles) {
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     const Coord2 cell = take_cell(in);
-    if (!s.tiles.contains(plan_key(cell))) refuse_survey();
-    tiles.insert(SurveyState::mark(cell));
+    if (!s.tiles.contains(plan_key(cell))) refuse_scans();
+    tiles.insert(ScanState::mark(cell));
   }
 }
 
@@ -140,9 +140,9 @@ Block take_block(std::string_view& in, std::uint64_t origins) {
   return block;
 }
 
-void put_tile(std::string& out, const SurveyTile& tile) {
+void put_tile(std::string& out, const ScanTile& tile) {
   put(out, tile.cell);
-  for (const SurveyColumn& column : tile.columns) put_column(out, column);
+  for (const ScanColumn& column : tile.columns) put_column(out, column);
   put_number(out, tile.sums.size());
   for (const auto& [sensor, of_sensor] : tile.sums) {
     put_number(out, static_cast<std::uint64_t>(sensor));
@@ -154,14 +154,14 @@ void put_tile(std::string& out, const SurveyTile& tile) {
     put_votes(out, votes);
   }
 }
-void take_tile(std::string_view& in, SurveyState& s, std::uint64_t origins) {
+void take_tile(std::string_view& in, ScanState& s, std::uint64_t origins) {
   const Coord2 cell = take_cell(in);
-  SurveyTile& tile = s.tiles[plan_key(cell)];
+  ScanTile& tile = s.tiles[plan_key(cell)];
   std::map<Block, BlockSums> parts = std::move(tile.parts);  // which sums still have in them
   tile = {};
   tile.cell = cell;
   tile.parts = std::move(parts);
-  for (SurveyColumn& column : tile.columns) take_column(in, column, origins);
+  for (ScanColumn& column : tile.columns) take_column(in, column, origins);
   const std::size_t sensors = s.sensors.size();
   for (auto sums = take_number<std::uint64_t>(in, sensors + 1); sums > 0; --sums)
     for (ScanSums& of_column : tile.sums[take_number<int>(in, sensors)]) take_sums(in, of_column);
@@ -169,11 +169,11 @@ void take_tile(std::string_view& in, SurveyState& s, std::uint64_t origins) {
     const int column = take_number<int>(in, BaseColumn::kCells);
     take_votes_of(in, tile.votes[column], sensors);
   }
-  s.stale.insert(SurveyState::mark(cell));
-  s.unsummed.insert(SurveyState::mark(cell));
+  s.stale.insert(ScanState::mark(cell));
+  s.unsummed.insert(ScanState::mark(cell));
 }
 
-void put_block_state(std::string& out, const SurveyState::BlockState& state) {
+void put_block_state(std::string& out, const ScanState::BlockState& state) {
   for (const BlockResidual* told : {&state.retired, &state.known}) {
     put(out, told->weight, told->residual);
     for (const double value : told->places) put(out, value);
@@ -184,9 +184,9 @@ void put_block_state(std::string& out, const SurveyState::BlockState& state) {
   put(out, state.solved_alike);
 }
 
-void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& tiles,
-                const std::set<Block>& blocks) {
-  put(out, kSurveyFormat, all);
+void put_scans(std::string& out, const ScanState& s, bool all, const Tiles& tiles,
+               const std::set<Block>& blocks) {
+  put(out, kScanFormat, all);
   put_number(out, s.sensors.size());
   for (const Sensor& sensor : s.sensors) {
     put_text(out, sensor.name);
@@ -202,7 +202,7 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   put(out, s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped, s.time,
       s.solutions);
   if (all) {
-    const std::map<std::uint64_t, SurveyState::Work> work(s.work.begin(), s.work.end());
+    const std::map<std::uint64_t, ScanState::Work> work(s.work.begin(), s.work.end());
     put_number(out, work.size());
     for (const auto& [key, of] : work) {
       put_number(out, key);
@@ -214,7 +214,7 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   for (const Block& block : blocks) {
     put_block(out, block);
     const auto known = s.blocks.find(block);  // none: it was retired
-    put_block_state(out, known != s.blocks.end() ? known->second : SurveyState::BlockState());
+    put_block_state(out, known != s.blocks.end() ? known->second : ScanState::BlockState());
   }
   std::vector<ThroughRay> through = s.through;
   std::sort(through.begin(), through.end());
@@ -233,12 +233,12 @@ void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& t
   for (const Block& block : s.untold_blocks) put_block(out, block);
 }
 
-bool tells(const SurveyState::BlockState& state) {
+bool tells(const ScanState::BlockState& state) {
   return state.known.weight > 0 || state.retired.weight > 0 || state.solved.size() > 0;
 }
 
 /// What is to be saved of all blocks.
-std::set<Block> told_blocks(const SurveyState& s) {
+std::set<Block> told_blocks(const ScanState& s) {
   std::set<Block> told;
   for (const auto& [block, state] : s.blocks)
     if (tells(state)) told.insert(block);
@@ -247,35 +247,35 @@ std::set<Block> told_blocks(const SurveyState& s) {
 
 }  // namespace
 
-void GroundSurvey::save(std::string& out) const {
+void GroundScans::save(std::string& out) const {
   Tiles tiles;
-  for (const auto& [key, tile] : state_->tiles) tiles.insert(SurveyState::mark(tile.cell));
-  put_survey(out, *state_, true, tiles, told_blocks(*state_));
+  for (const auto& [key, tile] : state_->tiles) tiles.insert(ScanState::mark(tile.cell));
+  put_scans(out, *state_, true, tiles, told_blocks(*state_));
 }
 
-void GroundSurvey::save_changes(std::string& out) const {
-  const SurveyState::Telling& telling = state_->telling;
+void GroundScans::save_changes(std::string& out) const {
+  const ScanState::Telling& telling = state_->telling;
   if (telling.all) {
     save(out);
   } else {
-    put_survey(out, *state_, false, telling.tiles, telling.blocks);
+    put_scans(out, *state_, false, telling.tiles, telling.blocks);
   }
 }
 
-void GroundSurvey::load(std::string_view& in) {
+void GroundScans::load(std::string_view& in) {
   std::uint32_t format = 0;
   bool all = false;
   take(in, format);
-  if (format != kSurveyFormat)
+  if (format != kScanFormat)
     throw std::invalid_argument("the state of the scans is of another version of soilvdb");
   take(in, all);
   if (all) {
     std::vector<double> lips = state_->lip_sigmas_m;
     lips.pop_back();  // that of a tool that is not known
-    state_ = std::make_unique<SurveyState>(state_->ground, state_->buckets, std::move(lips),
-                                           state_->surveyed);
+    state_ = std::make_unique<ScanState>(state_->ground, state_->buckets, std::move(lips),
+                                         state_->surveyed);
   }
-  SurveyState& s = *state_;
+  ScanState& s = *state_;
   const std::uint64_t origins = kFirstMachine + s.buckets.size();
   const int sensors = take_number<int>(in, kMostSensors + 1);
   for (int n = 0; n < sensors; ++n) {
@@ -284,9 +284,9 @@ void GroundSurvey::load(std::string_view& in) {
     take(in, sensor.pose);
     for (const SensorSigma& sigma : kSensorSigmas) take(in, sensor.*sigma.field);
     sensor.validate();
-    if (s.sensor_of(sensor) != n) refuse_survey();
+    if (s.sensor_of(sensor) != n) refuse_scans();
   }
-  if (std::ssize(s.sensors) != sensors) refuse_survey();
+  if (std::ssize(s.sensors) != sensors) refuse_scans();
   // Machines may have come since.
   const auto machines = take_number<std::size_t>(in, in.size() + 1);
   if (machines > s.buckets.size())
@@ -300,7 +300,7 @@ void GroundSurvey::load(std::string_view& in) {
   for (Eigen::Index i = 0; i < known_errors; ++i) {
     mean[i] = take_finite(in);
     for (Eigen::Index j = 0; j <= i; ++j) covariance(i, j) = covariance(j, i) = take_finite(in);
-    if (!(covariance(i, i) > 0)) refuse_survey();
+    if (!(covariance(i, i) > 0)) refuse_scans();
   }
   s.errors = CommonErrors(std::move(mean), std::move(covariance));
   s.widen_errors(at, came);
@@ -309,29 +309,29 @@ void GroundSurvey::load(std::string_view& in) {
     take_amount(in, *value);
   const std::uint32_t time = s.time;
   take(in, s.time);
-  if (!all && s.time != time) refuse_survey();
+  if (!all && s.time != time) refuse_scans();
   take(in, s.solutions);
   if (all)
     for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
       std::uint64_t key = 0;
       take(in, key);
-      SurveyState::Work& work = s.work[key];
+      ScanState::Work& work = s.work[key];
       work.origin = take_number<std::uint16_t>(in, origins);
       take(in, work.time);
     }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     const Block block = take_block(in, origins);
-    SurveyState::BlockState& state = s.blocks[block];
+    ScanState::BlockState& state = s.blocks[block];
     const auto take_errors = [&](bool any, Eigen::VectorXd& values) {
       values.resize(any ? known_errors : 0);
       for (double& value : values) value = take_finite(in);
-      if (any) values = SurveyState::widened(values, at, came);
+      if (any) values = ScanState::widened(values, at, came);
     };
     for (BlockResidual* told : {&state.retired, &state.known}) {
       told->weight = take_finite(in);
       told->residual = take_finite(in);
       for (double& value : told->places) value = take_finite(in);
-      if (!(told->weight >= 0)) refuse_survey();
+      if (!(told->weight >= 0)) refuse_scans();
       take_errors(told->weight > 0, told->sees);
     }
     bool is_solved = false;

@@ -9,19 +9,19 @@
 #include <utility>
 
 #include "core/constants.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 
 namespace soilvdb::inline v0 {
 
-Eigen::VectorXd SurveyState::widened(const Eigen::VectorXd& values, Eigen::Index at,
-                                     Eigen::Index count) {
+Eigen::VectorXd ScanState::widened(const Eigen::VectorXd& values, Eigen::Index at,
+                                   Eigen::Index count) {
   Eigen::VectorXd wide = Eigen::VectorXd::Zero(values.size() + count);
   wide.head(at) = values.head(at);
   wide.tail(values.size() - at) = values.tail(values.size() - at);
   return wide;
 }
 
-void SurveyState::widen_errors(Eigen::Index at, Eigen::Index count) {
+void ScanState::widen_errors(Eigen::Index at, Eigen::Index count) {
   const Eigen::MatrixXd& before = errors.covariance();
   const Eigen::Index behind = before.rows() - at;
   Eigen::MatrixXd covariance = prior().asDiagonal();
@@ -32,9 +32,9 @@ void SurveyState::widen_errors(Eigen::Index at, Eigen::Index count) {
   errors = CommonErrors(widened(errors.mean(), at, count), std::move(covariance));
 }
 
-Eigen::Index SurveyState::error_count() const { return place_of(sensors.size()); }
+Eigen::Index ScanState::error_count() const { return place_of(sensors.size()); }
 
-Eigen::VectorXd SurveyState::prior() const {
+Eigen::VectorXd ScanState::prior() const {
   Eigen::VectorXd variances(error_count());
   for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
     variances[static_cast<Eigen::Index>(m)] = std::max(square(lip_sigmas_m[m]), kLeastScanVariance);
@@ -48,21 +48,21 @@ Eigen::VectorXd SurveyState::prior() const {
   return variances;
 }
 
-Eigen::Index SurveyState::lip_of(const SurveyColumn& column) const {
+Eigen::Index ScanState::lip_of(const ScanColumn& column) const {
   if (column.origin >= kFirstMachine) return column.origin - kFirstMachine;
   if (column.origin == kUnknownTool) return static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1;
   return -1;
 }
 
-double SurveyState::expected_variance(const SurveyTile& tile, std::size_t i) const {
-  const SurveyColumn& column = tile.columns[i];
+double ScanState::expected_variance(const ScanTile& tile, std::size_t i) const {
+  const ScanColumn& column = tile.columns[i];
   const Eigen::Index lip = lip_of(column);
   return column.variance + square(kBendFloor * tile.bends[i] * voxel_m()) +
          square(kSlopeFloorM) * tile.slopes[i].squaredNorm() +
          (lip >= 0 ? square(lip_sigmas_m[static_cast<std::size_t>(lip)]) : 0);
 }
 
-double SurveyState::weight_of(const ScanSums& sums, const Sensor& sensor, const Vec2& slope) {
+double ScanState::weight_of(const ScanSums& sums, const Sensor& sensor, const Vec2& slope) {
   const RangeModel model = range_model(sensor);
   const double whole = static_cast<double>(sums.weight);
   const double single = whole / model.rays_alike;
@@ -77,8 +77,8 @@ double SurveyState::weight_of(const ScanSums& sums, const Sensor& sensor, const 
   return single / (1 + single * floor);
 }
 
-ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
-                                        Eigen::Ref<Eigen::VectorXd> sees) const {
+ColumnResidual ScanState::residual_of(const ScanTile& tile, std::size_t i,
+                                      Eigen::Ref<Eigen::VectorXd> sees) const {
   sees.setZero();
   const double variance = tile.columns[i].variance;
   const double bend = square(kBendFloor * tile.bends[i] * voxel_m());
@@ -104,25 +104,24 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   return all;
 }
 
-bool SurveyState::tells_of_errors(const SurveyTile& tile, std::size_t i,
-                                  const ColumnResidual& residual) const {
+bool ScanState::tells_of_errors(const ScanTile& tile, std::size_t i,
+                                const ColumnResidual& residual) const {
   return residual.weight > 0 && !is_other(tile.columns[i]) &&
          kBendFloor * tile.bends[i] * voxel_m() < kMostBendErrorM;
 }
 
-Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
+Block ScanState::block_of(const ScanTile& tile, std::size_t i) const {
   const Coord2 at = tile.place(i);
   return {tile.columns[i].origin, tile.columns[i].pass, square_of(at.x(), block_side()),
           square_of(at.y(), block_side())};
 }
 
-Eigen::Vector2d SurveyState::place_in(const Block& block, const SurveyTile& tile,
-                                      std::size_t i) const {
+Eigen::Vector2d ScanState::place_in(const Block& block, const ScanTile& tile, std::size_t i) const {
   return (tile.place(i) - block_side() * Coord2(block.x, block.y)).cast<double>();
 }
 
-void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
-  const SurveyColumn& column = tile.columns[i];
+void ScanState::retire(const ScanTile& tile, std::size_t i) {
+  const ScanColumn& column = tile.columns[i];
   Eigen::VectorXd sees(error_count());
   const ColumnResidual residual = residual_of(tile, i, sees);
   if (column.origin == kSurveyed || !tells_of_errors(tile, i, residual)) return;
@@ -135,15 +134,15 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   blocks[block].retired.add(residual, sees, place_in(block, tile, i));
 }
 
-bool SurveyState::is_other(const SurveyColumn& column) {
+bool ScanState::is_other(const ScanColumn& column) {
   return column.prior >= square(kChangedSigmaM);
 }
 
-bool SurveyState::is_datum(const SurveyColumn& column) {
+bool ScanState::is_datum(const ScanColumn& column) {
   return column.origin == kNatural && column.top == column.first && !is_other(column);
 }
 
-void SurveyState::retire_blocks() {
+void ScanState::retire_blocks() {
   for (auto at = blocks.begin(); at != blocks.end();) {
     const auto& [block, state] = *at;
     if (block.pass == 0 || state.sums) {
@@ -157,14 +156,14 @@ void SurveyState::retire_blocks() {
   }
 }
 
-BlockError SurveyState::error_of(const Block& block) const {
+BlockError ScanState::error_of(const Block& block) const {
   const auto known = blocks.find(block);
   return (known == blocks.end() ? BlockResidual{} : known->second.known).error(error_count());
 }
 
-void SurveyState::correct(const SurveyColumn& column, ColumnResidual residual,
-                          const BlockError& block, const Eigen::Ref<const Eigen::VectorXd>& sees,
-                          CommonErrors::Correction& to) const {
+void ScanState::correct(const ScanColumn& column, ColumnResidual residual, const BlockError& block,
+                        const Eigen::Ref<const Eigen::VectorXd>& sees,
+                        CommonErrors::Correction& to) const {
   if (is_other(column)) {
     residual.variance = column.prior;
     residual.alike = 0;
@@ -176,8 +175,8 @@ void SurveyState::correct(const SurveyColumn& column, ColumnResidual residual,
       to);
 }
 
-double SurveyState::height_variance(const SurveyTile& tile, std::size_t i) const {
-  const SurveyColumn& column = tile.columns[i];
+double ScanState::height_variance(const ScanTile& tile, std::size_t i) const {
+  const ScanColumn& column = tile.columns[i];
   Eigen::VectorXd sees(error_count());
   const ColumnResidual residual = residual_of(tile, i, sees);
   CommonErrors::Correction correction;
@@ -187,7 +186,7 @@ double SurveyState::height_variance(const SurveyTile& tile, std::size_t i) const
   return errors.variance(correction, block) + off * off;
 }
 
-double SurveyState::untold_about(const SurveyTile& tile, std::size_t i) {
+double ScanState::untold_about(const ScanTile& tile, std::size_t i) {
   const int x = static_cast<int>(i) / kChunkSide, y = static_cast<int>(i) % kChunkSide;
   int all = 0, untold = 0;
   for (int u = std::max(0, x - 1); u <= std::min(kChunkSide - 1, x + 1); ++u) {
@@ -201,11 +200,11 @@ double SurveyState::untold_about(const SurveyTile& tile, std::size_t i) {
   return static_cast<double>(untold) / all;
 }
 
-void SurveyState::add_volume(BlockSums& to, const SurveyTile& tile, std::size_t i,
-                             const ColumnResidual& residual, const BlockError& block,
-                             const CommonErrors::Correction& correction, double area_m2,
-                             bool is_corrected) const {
-  const SurveyColumn& column = tile.columns[i];
+void ScanState::add_volume(BlockSums& to, const ScanTile& tile, std::size_t i,
+                           const ColumnResidual& residual, const BlockError& block,
+                           const CommonErrors::Correction& correction, double area_m2,
+                           bool is_corrected) const {
+  const ScanColumn& column = tile.columns[i];
   double off = correction.on.dot(errors.mean()) + correction.alike * errors.mean_of(block);
   if (!is_corrected) off += voxel_m() * (column.first - column.top) + correction.mean;
   const double own = area_m2 * std::sqrt(correction.own);
@@ -225,14 +224,14 @@ void SurveyState::add_volume(BlockSums& to, const SurveyTile& tile, std::size_t 
   to.off_m3 += area_m2 * off;
 }
 
-double SurveyState::VolumeError::sigma_m3() const {
+double ScanState::VolumeError::sigma_m3() const {
   const double off = off_m3_ - on_.dot(errors_.mean());
   return std::sqrt(on_.dot(errors_.covariance() * on_) + square(off) + variance_);
 }
 
-std::vector<SurveyTile*> SurveyState::tiles_of(const Block& block) {
+std::vector<ScanTile*> ScanState::tiles_of(const Block& block) {
   const int side = block_side();
-  std::vector<SurveyTile*> found;
+  std::vector<ScanTile*> found;
   for (int x = floor_to(block.x * side, kChunkSide); x < (block.x + 1) * side; x += kChunkSide)
     for (int y = floor_to(block.y * side, kChunkSide); y < (block.y + 1) * side; y += kChunkSide)
       if (const auto tile = tiles.find(plan_key({x, y})); tile != tiles.end())
@@ -240,7 +239,7 @@ std::vector<SurveyTile*> SurveyState::tiles_of(const Block& block) {
   return found;
 }
 
-CommonErrors SurveyState::estimate() const {
+CommonErrors ScanState::estimate() const {
   CommonErrors all(prior());
   for (const auto& [block, state] : blocks) {
     const BlockResidual told = state.told();
@@ -252,10 +251,9 @@ CommonErrors SurveyState::estimate() const {
   return all;
 }
 
-class SurveyState::SeenColumns {
+class ScanState::SeenColumns {
  public:
-  SeenColumns(SurveyState& state, const Tiles& tiles)
-      : state_(state), errors_(state.error_count()) {
+  SeenColumns(ScanState& state, const Tiles& tiles) : state_(state), errors_(state.error_count()) {
     columns_.reserve(tiles.size() * BaseColumn::kCells);
     sees_.reserve(columns_.capacity() * static_cast<std::size_t>(errors_));
     for (const auto& cell : tiles) add(state.marked(cell));
@@ -296,12 +294,12 @@ class SurveyState::SeenColumns {
   }
 
   /// Corrections that are worth it.
-  std::vector<SurveyChange> corrections() {
+  std::vector<ScanChange> corrections() {
     const double h = state_.voxel_m();
-    std::vector<SurveyChange> made;
+    std::vector<ScanChange> made;
     for (std::size_t n = 0; n < own_; ++n) {
       Column& c = columns_[n];
-      const SurveyColumn& column = c.column();
+      const ScanColumn& column = c.column();
       const BlockError& block = error_of(c.block);
       state_.correct(column, c.residual, block, sees(n), correction_);
       const double off = h * (column.first - column.top) + correction_.mean;
@@ -320,7 +318,7 @@ class SurveyState::SeenColumns {
 
  private:
   struct Column {
-    SurveyTile* tile;
+    ScanTile* tile;
     std::size_t i;
     ColumnResidual residual;
     Eigen::Index lip;  // as of lip_of()
@@ -328,12 +326,12 @@ class SurveyState::SeenColumns {
     bool is_other = false;
     bool is_corrected = false;
 
-    SurveyColumn& column() const { return tile->columns[i]; }
+    ScanColumn& column() const { return tile->columns[i]; }
     bool is_surveyed() const { return block.origin == kSurveyed; }
   };
   static constexpr int kReach = 2, kWindow = kChunkSide + 2 * kReach;  // columns
   struct OfTile {
-    SurveyTile* tile;
+    ScanTile* tile;
     std::size_t first, last;                           // its columns
     bool is_summed = false;                            // its parts are of its columns as they are
     std::array<int, BaseColumn::kCells> numbers = {};  // of its columns; -1: not seen
@@ -393,7 +391,7 @@ class SurveyState::SeenColumns {
       BlockState& of = state_.blocks[block];
       std::optional<BlockSums>& sums = of.sums;
       sums.reset();
-      for (const SurveyTile* tile : state_.tiles_of(block))
+      for (const ScanTile* tile : state_.tiles_of(block))
         if (const auto part = tile->parts.find(block); part != tile->parts.end()) {
           if (!sums) sums.emplace(errors_);
           sums->add(part->second);
@@ -403,14 +401,14 @@ class SurveyState::SeenColumns {
     }
   }
 
-  void add(SurveyTile& tile) {
+  void add(ScanTile& tile) {
     OfTile& of = tiles_.emplace_back(OfTile{&tile, columns_.size(), 0});
     of.numbers.fill(-1);
     std::vector<std::size_t> unseen;
     std::vector<Block> seen;
     const auto add_column = [&](std::size_t i, const ColumnResidual& residual, const Block& block) {
       of.numbers[i] = static_cast<int>(columns_.size());
-      const SurveyColumn& column = tile.columns[i];
+      const ScanColumn& column = tile.columns[i];
       columns_.push_back({&tile, i, residual, state_.lip_of(column), block, is_other(column)});
     };
     const auto next = [&](std::size_t i) {
@@ -418,7 +416,7 @@ class SurveyState::SeenColumns {
       return state_.residual_of(tile, i, sees(columns_.size()));
     };
     for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
-      const SurveyColumn& column = tile.columns[i];
+      const ScanColumn& column = tile.columns[i];
       if (std::isnan(column.top)) continue;
       const ColumnResidual residual = next(i);
       const bool is_told = column.origin == kSurveyed && column.first != column.top;
@@ -546,7 +544,7 @@ class SurveyState::SeenColumns {
     }
   }
 
-  SurveyState& state_;
+  ScanState& state_;
   const Eigen::Index errors_;
   std::vector<Column> columns_;
   std::vector<double> sees_;  // a, without b, of each column
@@ -557,7 +555,7 @@ class SurveyState::SeenColumns {
   std::map<Block, BlockError> block_errors_;
 };
 
-SurveyState::Tiles SurveyState::moved() {
+ScanState::Tiles ScanState::moved() {
   Tiles found;
   for (const auto& [block, state] : blocks) {
     if (!state.sums || state.sums->columns == 0 || state.solved.size() == 0) continue;
@@ -566,14 +564,14 @@ SurveyState::Tiles SurveyState::moved() {
         (state.sums->on.dot(errors.mean() - state.solved) + state.sums->alike * alike) /
         state.sums->columns;
     if (std::abs(by) < kLeastCorrection / 2 * voxel_m()) continue;
-    for (const SurveyTile* tile : tiles_of(block)) found.insert(mark(tile->cell));
+    for (const ScanTile* tile : tiles_of(block)) found.insert(mark(tile->cell));
   }
   return found;
 }
 
 /// Only the tiles of which scans told something are corrected, so that it costs as much as these,
 /// whatever was ever scanned. Others are when the common errors have become others.
-std::vector<SurveyChange> SurveyState::solve() {
+std::vector<ScanChange> ScanState::solve() {
   is_solved = true;
   take_votes();
   Tiles now = news;
@@ -595,17 +593,17 @@ std::vector<SurveyChange> SurveyState::solve() {
     seen.emplace(*this, now);
     seen->find_others();
   }
-  std::vector<SurveyChange> made = seen->corrections();
+  std::vector<ScanChange> made = seen->corrections();
   seen->sum_up(SeenColumns::Sums::kVolumes);
   unsummed.clear();
-  for (const SurveyChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
+  for (const ScanChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
   std::set<Block> seen_blocks;
   for (const auto& cell : now)
     for (const auto& [block, part] : marked(cell).parts) seen_blocks.insert(block);
   for (const Block& block : seen_blocks) {
     Eigen::VectorXd& solved = blocks[block].solved;
-    const std::vector<SurveyTile*> reached = tiles_of(block);
-    const bool all = std::all_of(reached.begin(), reached.end(), [&](const SurveyTile* tile) {
+    const std::vector<ScanTile*> reached = tiles_of(block);
+    const bool all = std::all_of(reached.begin(), reached.end(), [&](const ScanTile* tile) {
       return now.contains(mark(tile->cell));
     });
     if (solved.size() > 0 && !all) continue;  // some of its columns were corrected before

@@ -13,7 +13,7 @@
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/lattice/text.h"
-#include "core/survey/survey_state.h"
+#include "core/survey/scan_state.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/motion.h"
 
@@ -40,8 +40,8 @@ std::string RayCounts::doubt() const {
          "axes right, and its points in metres?";
 }
 
-SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas,
-                         std::shared_ptr<const SurveyedHeights> all_surveyed)
+ScanState::ScanState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas,
+                     std::shared_ptr<const SurveyedHeights> all_surveyed)
     : surveyed(std::move(all_surveyed)), ground(g), map(g), view(g, map), changes(g) {
   changes.take();
   buckets = std::move(all_buckets);
@@ -52,16 +52,16 @@ SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector
   errors = CommonErrors(prior());
 }
 
-SurveyState::SurveyState(Ground& clone, const SurveyState& other,
-                         std::shared_ptr<const SurveyedHeights> all_surveyed)
-    : SurveyRecord(other),
+ScanState::ScanState(Ground& clone, const ScanState& other,
+                     std::shared_ptr<const SurveyedHeights> all_surveyed)
+    : ScanRecord(other),
       surveyed(std::move(all_surveyed)),
       ground(clone),
       map(clone, other.map),
       view(clone, map),
       changes(clone, other.changes) {}
 
-void SurveyState::has_changed(const Coord2& cell) {
+void ScanState::has_changed(const Coord2& cell) {
   // Slopes at a tile's edge depend on the next one's columns.
   for (int dx = -1; dx <= 1; ++dx)
     for (int dy = -1; dy <= 1; ++dy)
@@ -69,7 +69,7 @@ void SurveyState::has_changed(const Coord2& cell) {
         stale.insert(mark(near));
 }
 
-void SurveyState::refresh(bool own) {
+void ScanState::refresh(bool own) {
   map.reader().refresh();
   if (own)
     for (const Coord3& origin : changes.take()) has_changed(origin.head<2>());
@@ -77,23 +77,23 @@ void SurveyState::refresh(bool own) {
   stale.clear();
 }
 
-SurveyTile& SurveyState::tile(const Coord2& cell) {
+ScanTile& ScanState::tile(const Coord2& cell) {
   const auto [found, is_new] = tiles.try_emplace(plan_key(cell));
-  SurveyTile& tile = found->second;
+  ScanTile& tile = found->second;
   if (!is_new) return tile;
   tile = new_tile(cell);
   read(tile, How::kChanged);
   return tile;
 }
 
-SurveyTile SurveyState::new_tile(const Coord2& cell) {
-  SurveyTile tile;
+ScanTile ScanState::new_tile(const Coord2& cell) {
+  ScanTile tile;
   tile.cell = cell;
-  for (SurveyColumn& column : tile.columns) column.variance = -1;  // not read yet
+  for (ScanColumn& column : tile.columns) column.variance = -1;  // not read yet
   return tile;
 }
 
-const SurveyTile& SurveyState::look(const Coord2& cell, std::optional<SurveyTile>& own) {
+const ScanTile& ScanState::look(const Coord2& cell, std::optional<ScanTile>& own) {
   const auto found = tiles.find(plan_key(cell));
   if (found != tiles.end() && !stale.contains(mark(cell))) return found->second;
   own = found == tiles.end() ? new_tile(cell) : found->second;
@@ -102,7 +102,7 @@ const SurveyTile& SurveyState::look(const Coord2& cell, std::optional<SurveyTile
 }
 
 /// Reads a tile's columns. Those that changed begin anew, unless that was by scans.
-void SurveyState::read(SurveyTile& tile, How how) {
+void ScanState::read(ScanTile& tile, How how) {
   HeightReader& reader = map.reader();
   const double h = voxel_m();
   constexpr int kSide = kChunkSide + 2;
@@ -129,7 +129,7 @@ void SurveyState::read(SurveyTile& tile, How how) {
     tile.slopes[i] = {(side(1, 0) - side(-1, 0)) / 2, (side(0, 1) - side(0, -1)) / 2};
     tile.bends[i] = static_cast<float>(std::max(std::abs(side(1, 0) - 2 * top + side(-1, 0)),
                                                 std::abs(side(0, 1) - 2 * top + side(0, -1))));
-    SurveyColumn& column = tile.columns[i];
+    ScanColumn& column = tile.columns[i];
     const bool is_new = column.variance < 0;
     if (!is_new && (top == column.top || (std::isnan(top) && std::isnan(column.top)))) continue;
     if (how != How::kLook) untold.insert(mark(tile.cell));
@@ -176,13 +176,13 @@ void SurveyState::read(SurveyTile& tile, How how) {
   }
 }
 
-bool SurveyState::is_seen(const SurveyTile& tile, std::size_t i) const {
-  const SurveyColumn& column = tile.columns[i];
+bool ScanState::is_seen(const ScanTile& tile, std::size_t i) const {
+  const ScanColumn& column = tile.columns[i];
   return column.origin == kSurveyed || tile.is_met(i) ||
          (surveyed && surveyed->are_of(tile.place(i), column.top));
 }
 
-double SurveyState::share_inside(const std::vector<Vec2>& boundary, const Coord2& column) const {
+double ScanState::share_inside(const std::vector<Vec2>& boundary, const Coord2& column) const {
   constexpr int kParts = 4;  // along each axis
   int parts = 0;
   for (int part = 0; part < kParts * kParts; ++part) {
@@ -193,26 +193,26 @@ double SurveyState::share_inside(const std::vector<Vec2>& boundary, const Coord2
   return static_cast<double>(parts) / (kParts * kParts);
 }
 
-Eigen::AlignedBox2d SurveyState::index_box(const std::vector<Vec2>& places_m) const {
+Eigen::AlignedBox2d ScanState::index_box(const std::vector<Vec2>& places_m) const {
   Eigen::AlignedBox2d box;
   for (const Vec2& place : places_m) box.extend(index_of(place));
   return box;
 }
 
-bool SurveyState::meets(const Eigen::AlignedBox2d& box, const Coord2& cell) {
+bool ScanState::meets(const Eigen::AlignedBox2d& box, const Coord2& cell) {
   const Vec2 low = cell.cast<double>().array() - 0.5, high = low.array() + kChunkSide;
   return box.intersects(Eigen::AlignedBox2d(low, high));
 }
 
-SurveyState::Tiles SurveyState::changed_within(const Eigen::AlignedBox2d& box) const {
+ScanState::Tiles ScanState::changed_within(const Eigen::AlignedBox2d& box) const {
   Tiles cells;
   for (const Chunk* chunk : ground.chunks())
     if (const Coord2 cell = chunk->origin.head<2>(); meets(box, cell)) cells.insert(mark(cell));
   return cells;
 }
 
-void SurveyState::require_room(const Eigen::AlignedBox2d& around_m,
-                               std::span<const Vec3> points_m) const {
+void ScanState::require_room(const Eigen::AlignedBox2d& around_m,
+                             std::span<const Vec3> points_m) const {
   const double cells = 1 / voxel_m(), x0 = ground.origin().x(), y0 = ground.origin().y();
   const Vec2 across = around_m.sizes() * cells / kChunkSide + Vec2(2, 2);
   if (static_cast<double>(tiles.size()) + across.prod() < kMaxSurveyTiles) return;
@@ -233,7 +233,7 @@ void SurveyState::require_room(const Eigen::AlignedBox2d& around_m,
         " voxels, and with this one see more; leave far points out, or take larger voxels");
 }
 
-std::pair<int, bool> SurveyState::find(const Sensor& sensor) const {
+std::pair<int, bool> ScanState::find(const Sensor& sensor) const {
   const auto found =
       std::lower_bound(sensors.begin(), sensors.end(), sensor,
                        [](const Sensor& a, const Sensor& b) { return a.name < b.name; });
@@ -249,7 +249,7 @@ std::pair<int, bool> SurveyState::find(const Sensor& sensor) const {
   return {static_cast<int>(found - sensors.begin()), is_known};
 }
 
-int SurveyState::sensor_of(const Sensor& sensor) {
+int ScanState::sensor_of(const Sensor& sensor) {
   const auto [number, is_known] = find(sensor);
   if (is_known) return number;
   is_solved = false;  // so that it is recorded, also if its scan has no rays
@@ -276,32 +276,32 @@ int SurveyState::sensor_of(const Sensor& sensor) {
   return number;
 }
 
-GroundSurvey::GroundSurvey(Ground& ground, std::vector<Bucket> buckets,
-                           std::vector<double> lip_sigmas_m,
-                           std::shared_ptr<const SurveyedHeights> surveyed)
-    : state_(std::make_unique<SurveyState>(ground, std::move(buckets), std::move(lip_sigmas_m),
-                                           std::move(surveyed))) {}
-GroundSurvey::GroundSurvey(Ground& clone, const GroundSurvey& other,
-                           std::shared_ptr<const SurveyedHeights> surveyed)
-    : state_(std::make_unique<SurveyState>(clone, *other.state_, std::move(surveyed))) {}
-GroundSurvey::~GroundSurvey() = default;
+GroundScans::GroundScans(Ground& ground, std::vector<Bucket> buckets,
+                         std::vector<double> lip_sigmas_m,
+                         std::shared_ptr<const SurveyedHeights> surveyed)
+    : state_(std::make_unique<ScanState>(ground, std::move(buckets), std::move(lip_sigmas_m),
+                                         std::move(surveyed))) {}
+GroundScans::GroundScans(Ground& clone, const GroundScans& other,
+                         std::shared_ptr<const SurveyedHeights> surveyed)
+    : state_(std::make_unique<ScanState>(clone, *other.state_, std::move(surveyed))) {}
+GroundScans::~GroundScans() = default;
 
-void GroundSurvey::worked(std::optional<std::size_t> machine) {
-  SurveyState& s = *state_;
+void GroundScans::worked(std::optional<std::size_t> machine) {
+  ScanState& s = *state_;
   const std::vector<Coord3> changed = s.changes.take();
   if (!changed.empty()) ++s.time;
   for (const Coord3& origin : changed) {
-    SurveyState::Work& work = s.work[plan_key(origin.head<2>())];
+    ScanState::Work& work = s.work[plan_key(origin.head<2>())];
     work.time = s.time;
     if (machine) work.origin = static_cast<std::uint16_t>(kFirstMachine + *machine);
     s.has_changed(origin.head<2>());
   }
 }
 
-bool GroundSurvey::has_news() const { return !state_->is_solved; }
+bool GroundScans::has_news() const { return !state_->is_solved; }
 
-void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
-                        std::span<const Pose* const> poses, std::span<const PlacedBoxes> bodies) {
+void GroundScans::scan(const Sensor& sensor, std::span<const Vec3> points_m,
+                       std::span<const Pose* const> poses, std::span<const PlacedBoxes> bodies) {
   sensor.validate();
   const Vec3& from = sensor.pose.position;
   Eigen::AlignedBox2d around_m;
@@ -328,14 +328,14 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
   state_->add_rays(placed, state_->sensor_of(sensor), ends);
 }
 
-std::vector<SurveyChange> GroundSurvey::solve() {
+std::vector<ScanChange> GroundScans::solve() {
   if (state_->is_solved) return {};
   state_->refresh(false);
   return state_->solve();
 }
 
-Survey GroundSurvey::applied() {
-  SurveyState& s = *state_;
+Survey GroundScans::applied() {
+  ScanState& s = *state_;
   if (std::exchange(s.has_corrected, false)) {
     s.refresh(true);
     s.telling = {std::exchange(s.is_first, false), std::exchange(s.untold, {}),
@@ -349,7 +349,7 @@ Survey GroundSurvey::applied() {
   return survey;
 }
 
-std::vector<Estimate> GroundSurvey::lip_errors_m() const {
+std::vector<Estimate> GroundScans::lip_errors_m() const {
   std::vector<Estimate> lips(state_->buckets.size());
   for (std::size_t m = 0; m < lips.size(); ++m) {
     const auto at = static_cast<Eigen::Index>(m);
@@ -358,9 +358,9 @@ std::vector<Estimate> GroundSurvey::lip_errors_m() const {
   return lips;
 }
 
-void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m,
-                          std::span<double> seen) {
-  SurveyState& s = *state_;
+void GroundScans::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m,
+                         std::span<double> seen) {
+  ScanState& s = *state_;
   s.map.reader().refresh();
   std::fill(seen.begin(), seen.end(), HeightReader::kNoGround);
   std::fill(sigmas_m.begin(), sigmas_m.end(), HeightReader::kNoGround);
@@ -370,13 +370,13 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
     const Vec2 at = s.index_of(xy_m[i]);
     if (!at.allFinite() || !(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
     const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-    places[SurveyState::mark(floor_to(cell, kChunkSide))].emplace_back(i, cell);
+    places[ScanState::mark(floor_to(cell, kChunkSide))].emplace_back(i, cell);
   }
   for (const auto& [of, some] : places) {
-    std::optional<SurveyTile> own;
-    const SurveyTile& tile = s.look({of.first, of.second}, own);
+    std::optional<ScanTile> own;
+    const ScanTile& tile = s.look({of.first, of.second}, own);
     for (const auto& [i, cell] : some) {
-      const std::size_t n = SurveyState::number_of(cell);
+      const std::size_t n = ScanState::number_of(cell);
       if (std::isnan(tile.columns[n].top)) continue;
       sigmas_m[i] = std::sqrt(s.height_variance(tile, n));
       if (!seen.empty()) seen[i] = s.is_seen(tile, n);
@@ -384,36 +384,36 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
   }
 }
 
-std::vector<Coord2> GroundSurvey::seen_squares() const {
-  SurveyState::Tiles cells;
-  for (const auto& [key, tile] : state_->tiles) cells.insert(SurveyState::mark(tile.cell));
+std::vector<Coord2> GroundScans::seen_squares() const {
+  ScanState::Tiles cells;
+  for (const auto& [key, tile] : state_->tiles) cells.insert(ScanState::mark(tile.cell));
   if (state_->surveyed)
     for (const Coord2& low : state_->surveyed->squares())
       for (int x = 0; x < SurveyedHeights::kSide; x += kChunkSide)
         for (int y = 0; y < SurveyedHeights::kSide; y += kChunkSide)
-          cells.insert(SurveyState::mark(low + Coord2(x, y)));
+          cells.insert(ScanState::mark(low + Coord2(x, y)));
   std::vector<Coord2> squares;
   for (const auto& [x, y] : cells) squares.emplace_back(x, y);
   return squares;
 }
 
-double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
-  SurveyState& s = *state_;
+double GroundScans::volume_sigma_m3(const std::vector<Vec2>& boundary) {
+  ScanState& s = *state_;
   s.map.reader().refresh();
   const Eigen::AlignedBox2d box = s.index_box(boundary);
-  SurveyState::Tiles cells = s.changed_within(box);
+  ScanState::Tiles cells = s.changed_within(box);
   for (const auto& [key, tile] : s.tiles)
-    if (SurveyState::meets(box, tile.cell)) cells.insert(SurveyState::mark(tile.cell));
+    if (ScanState::meets(box, tile.cell)) cells.insert(ScanState::mark(tile.cell));
   std::map<Block, BlockSums> blocks;
   Eigen::VectorXd sees(s.error_count());
   CommonErrors::Correction correction;
   for (const auto& [x, y] : cells) {
-    std::optional<SurveyTile> own;
-    const SurveyTile& tile = s.look({x, y}, own);
+    std::optional<ScanTile> own;
+    const ScanTile& tile = s.look({x, y}, own);
     std::map<Block, BlockSums> parts_of;
     for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
-      const SurveyColumn& column = tile.columns[n];
-      if (std::isnan(column.top) || SurveyState::is_datum(column)) continue;
+      const ScanColumn& column = tile.columns[n];
+      if (std::isnan(column.top) || ScanState::is_datum(column)) continue;
       const double share = s.share_inside(boundary, tile.place(n));
       if (share == 0) continue;
       const Block block = s.block_of(tile, n);
@@ -426,7 +426,7 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
     for (const auto& [block, part] : parts_of)
       blocks.try_emplace(block, s.error_count()).first->second.add(part);
   }
-  SurveyState::VolumeError error(s.errors);
+  ScanState::VolumeError error(s.errors);
   for (const auto& [block, sums] : blocks) error.add(sums, s.error_of(block));
   return error.sigma_m3();
 }

@@ -66,7 +66,7 @@ struct ScanHits {
 struct ThroughRay {
   Vec3 from, to;
   double met_m, sigma_m;  ///< range of that ground; standard deviation of the ray's own
-  std::uint32_t time;     ///< of the ground, as of SurveyColumn::changed
+  std::uint32_t time;     ///< of the ground, as of ScanColumn::changed
 
   bool operator<(const ThroughRay& other) const {
     const auto key = [](const ThroughRay& r) {
@@ -93,7 +93,7 @@ struct ScanVotes {
   }
 };
 
-struct SurveyColumn {
+struct ScanColumn {
   double first = 0;     ///< height from which residuals are counted, index space
   double top = 0;       ///< height now; NaN: no ground
   double variance = 0;  ///< of its own error before any scan, m^2
@@ -147,9 +147,9 @@ struct BlockSums {
 };
 
 /// 8 x 8 columns. Column (x, y) from `cell` is entry x * 8 + y.
-struct SurveyTile {
+struct ScanTile {
   Coord2 cell = {0, 0};
-  std::array<SurveyColumn, BaseColumn::kCells> columns;
+  std::array<ScanColumn, BaseColumn::kCells> columns;
   std::array<Vec2, BaseColumn::kCells> slopes;  ///< of the ground, m/m
   std::array<float, BaseColumn::kCells> bends;  ///< difference of slopes over a column
   std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor
