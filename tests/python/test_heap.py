@@ -195,6 +195,20 @@ def test_the_sigma_of_a_cut_is_that_of_the_lip_over_the_floor():
     assert 0.5 < np.sqrt(np.mean(np.square(claimed)) / np.mean(np.square(off))) < 2
 
 
+@pytest.mark.parametrize("middle", [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])   # in a square of 2 m, between two
+def test_half_the_variance_of_a_floor_is_alike_in_squares_of_two_metres(middle):
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    for x, z in [(-0.5, 0.5), (-0.5, -0.3), (0.5, -0.3), (0.5, 0.8)]:
+        site.update(0, position=(middle[0] + x, middle[1], z))
+    x, y = np.meshgrid(np.arange(-40, 60), np.arange(-40, 60))
+    is_dug = site.heights(np.stack([x.ravel(), y.ravel()], 1) * VOXEL).reshape(x.shape) != 0
+    squares = [VOXEL**2 * np.sum(is_dug & (x // 40 == u) & (y // 40 == v))
+               for u in (-1, 0, 1) for v in (-1, 0, 1)]
+    variance = (0.02**2 * sum(squares)**2 + 0.0075**2 * 0.5 * np.sum(np.square(squares))
+                + 0.0075**2 * 0.5 * VOXEL**2 * sum(squares))
+    assert site.cut_m3()[1] == pytest.approx(math.sqrt(variance), rel=1e-3)
+
+
 def test_scans_of_the_true_trench_correct_the_cut():
     rng = np.random.default_rng(6)
     place = np.array([1.5, -3.0, 4.0])
