@@ -314,18 +314,23 @@ void GroundScans::scan(const Sensor& sensor, std::span<const Vec3> points_m,
   if (points_m.empty()) around_m.extend(from.head<2>());
   state_->require_room(around_m, points_m);
   const bool is_known = state_->find(sensor).second;
+  // A pose that is not fitted errs by itself: what fitted ones tell of their errors is not its own.
+  Sensor named = sensor;
+  named.name += " (poses as given)";
+  if (is_moving(sensor)) state_->find(named);
   ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.
   if (is_known && ends.count() == 0) return;
   state_->refresh(false);
+  std::optional<Pose> pose;
+  if (is_moving(sensor)) pose = state_->fit_pose(sensor, ends);
   Sensor placed = sensor;
-  if (is_moving(sensor)) {
-    if (const std::optional<Pose> pose = state_->fit_pose(sensor, ends)) {
-      placed.pose = *pose;
-      placed.pose_shift_sigma_m = placed.pose_turn_sigma_rad = 0;  // rays need not allow for it
-    }
+  if (pose) {
+    placed.pose = *pose;
+    placed.pose_shift_sigma_m = placed.pose_turn_sigma_rad = 0;  // rays need not allow for it
   }
-  state_->add_rays(placed, state_->sensor_of(sensor), ends);
+  const bool is_as_given = is_moving(sensor) && !pose && ends.count() > 0;
+  state_->add_rays(placed, state_->sensor_of(is_as_given ? named : sensor), ends);
 }
 
 std::vector<ScanChange> GroundScans::solve() {

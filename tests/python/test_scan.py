@@ -194,6 +194,35 @@ def test_untouched_ground_tells_a_moving_sensors_mount_once(height, is_fitted):
     assert (found[2] < 0.99 * found[0]).all()
 
 
+def test_poses_that_are_fitted_tell_nothing_of_one_that_is_not():
+    """A scan that sees the floor alone is as little sure after others that saw untouched ground."""
+    floor, inside = ((0.0, 0.0, 1.0), (1, 0, 0, 0)), square(-0.5, -0.5, 1.0)
+    sigmas = {"moving": [], "fixed": []}
+    for which, moves in (("moving", MOVES), ("fixed", {})):
+        for beside in (0, 3):
+            site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+            for y in (-1.0, 0.0, 1.0):
+                site.place(0, position=(-2, y, 0.5))
+                site.update_path(0, positions=[(x, y, -0.3) for x in np.linspace(-2, 2, 41)])
+            site.place(0, position=(-9, -9, 4))
+            for place, turn in [((-8, 0, 3.5), looking(0.75, math.pi))] * beside + [floor]:
+                there = camera(place, turn, **moves)
+                site.scan(there, depth=soilvdb.depth_image(site, there, SHAPE, INTRINSICS),
+                          intrinsics=INTRINSICS)
+            site.apply_scans()
+            sigmas[which].append(site.volume(inside, sigma=True).sigma_m3)
+    assert sigmas["moving"][1] == pytest.approx(sigmas["moving"][0], rel=1e-3)
+    assert sigmas["fixed"][1] < 0.9 * sigmas["fixed"][0]   # whose mount is the same
+
+
+def test_the_sigmas_of_a_moving_sensor_stay_whether_its_poses_are_fitted_or_not():
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    low = camera((0.0, 0.0, 1.3), (1, 0, 0, 0), **MOVES)   # sees too little
+    site.scan(low, depth=soilvdb.depth_image(site, low, SHAPE, INTRINSICS), intrinsics=INTRINSICS)
+    with pytest.raises(ValueError, match="had other sigmas before"):
+        site.scan(camera(pose_shift_sigma=0.03), np.zeros((0, 3)))
+
+
 def test_where_ground_slopes_the_place_of_a_moving_sensor_counts():
     sigmas = []
     for slope in (0.0, 0.5):
