@@ -131,6 +131,13 @@ def test_a_heap_that_a_bucket_tipped_is_that_of_the_sites_soil():
     assert heap.bank_m3[0] == pytest.approx(put_m3 / 1.25, rel=1e-3)
     assert abs(heap.swell[0] - 0.25) < 2 * heap.swell[1] < 0.1
     assert abs(heap.repose_angle[0] - 0.61) < 0.01
+    # The soil that it was made of errs as all cuts do.
+    (cut, sigma), ledger = site.cut_m3(), site.ledger(0)["cut_m3"]
+    share = math.hypot(cut - ledger, sigma) / ledger
+    assert heap.bank_m3[1] == pytest.approx(share * heap.bank_m3[0], rel=1e-6)
+    ratio = 1 + heap.swell[0]
+    assert heap.swell[1] == pytest.approx(
+        ratio * math.hypot(heap.loose_m3[1] / heap.loose_m3[0], share), rel=1e-6)
 
 
 def test_heaps_of_clones_and_restored_sites_are_the_same():
