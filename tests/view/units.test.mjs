@@ -11,7 +11,6 @@ import {decodeBlock, decodeSigmas, inflate} from '../../tools/view/src/decode.js
 import {LargestForce, arrowScale, forceText, limitText} from '../../tools/view/src/force_values.js';
 import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
-import {sectionAreas} from '../../tools/view/src/section_chart.js';
 import {boxOf, freeBox, placeTag} from '../../tools/view/src/tag_place.js';
 import {TerrainMesh} from '../../tools/view/src/terrain_mesh.js';
 import {sliderStart} from '../../tools/view/src/timeline.js';
@@ -283,12 +282,6 @@ test('level terrain has two triangles and a skirt at each side, an even slope no
     assert.equal(mesh.index.length, 3 * (2 + 4 * 2));
     assert.equal(mesh.error, 0);
   }
-});
-
-test('areas of a section are those of its triangles and trapezoids, also where it crosses the ground before', () => {
-  assert.deepEqual(sectionAreas({distance_m: [0, 1, 2], before_m: [0, 0, 0], now_m: [0, 1, 0]}), {cut_m2: 0, fill_m2: 1});
-  assert.deepEqual(sectionAreas({distance_m: [0, 4], before_m: [5, 5], now_m: [4, 8]}), {cut_m2: 0.5, fill_m2: 4.5});
-  assert.deepEqual(sectionAreas({distance_m: [0, 1, 2], before_m: [0, 0, null], now_m: [-1, -1, -1]}), {cut_m2: 1, fill_m2: 0});
 });
 
 test('numbers have three digits, at most three decimals, units and a minus sign', () => {

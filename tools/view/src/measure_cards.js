@@ -5,7 +5,7 @@ import {$, h, setText, svg} from './dom.js';
 import * as format from './format.js';
 import {editForm} from './measure_form.js';
 import {progressFigures} from './progress.js';
-import {sectionAreas, sectionChart} from './section_chart.js';
+import {sectionChart} from './section_chart.js';
 import {hint} from './surroundings.js';
 
 const kTitles = {boundary: 'Boundary', section: 'Section', height: 'Point', distance: 'Distance'};
@@ -25,10 +25,9 @@ function figures(measure) {
     ];
   }
   if (measure.kind === 'section') {
-    const {cut_m2, fill_m2} = sectionAreas(v);
     return [
       value('Length', format.length(v.distance_m[v.distance_m.length - 1])),
-      value('Cut', format.area(cut_m2), 'cut'), value('Fill', format.area(fill_m2), 'fill'),
+      value('Cut', format.area(v.cut_m2), 'cut'), value('Fill', format.area(v.fill_m2), 'fill'),
     ];
   }
   if (measure.kind === 'height') {

@@ -17,28 +17,6 @@ function ticksOf(low_m, high_m, about) {
 
 const known = (v) => v !== null && v !== undefined;
 
-/** Areas of the section below and above the earlier ground, m2: the server's, else by trapezoids. */
-export function sectionAreas({distance_m, before_m, now_m, cut_m2 = null, fill_m2 = null}) {
-  if (cut_m2 !== null && fill_m2 !== null) return {cut_m2, fill_m2};   // they count what is between points, too
-  cut_m2 = fill_m2 = 0;
-  for (let i = 0; i + 1 < distance_m.length; ++i) {
-    const a = known(now_m[i]) && known(before_m[i]) ? now_m[i] - before_m[i] : null;
-    const b = known(now_m[i + 1]) && known(before_m[i + 1]) ? now_m[i + 1] - before_m[i + 1] : null;
-    if (a === null || b === null) continue;
-    const width = distance_m[i + 1] - distance_m[i];
-    if (a * b >= 0) {
-      const area = ((a + b) / 2) * width;
-      if (area > 0) fill_m2 += area;
-      else cut_m2 -= area;
-    } else {   // the lines cross: a triangle on each side
-      const split = a / (a - b), first = (a * split * width) / 2, second = (b * (1 - split) * width) / 2;
-      fill_m2 += Math.max(first, 0) + Math.max(second, 0);
-      cut_m2 -= Math.min(first, 0) + Math.min(second, 0);
-    }
-  }
-  return {cut_m2, fill_m2};
-}
-
 /** Points of a line, split where it is unknown. */
 function linePath(xs, ys, x, y) {
   let path = '', pen = false;
@@ -69,12 +47,12 @@ function areaPath(xs, low, high, sign, x, y) {
 }
 
 /**
- * @param {{distance_m: number[], before_m: ?number[], now_m: ?number[], design_m: ?number[]}} section
+ * @param {{distance_m: number[], before_m: ?number[], now_m: ?number[], design_m: ?number[], cut_m2: number, fill_m2: number}} section
  * @param {function(?number)} hover distance along the section that is pointed at
  * @return {HTMLElement}
  */
 export function sectionChart(section, hover) {
-  const {distance_m, before_m, now_m, design_m} = section;
+  const {distance_m, before_m, now_m, design_m, cut_m2, fill_m2} = section;
   const heights = [...before_m, ...now_m, ...(design_m ?? [])].filter(known);
   if (heights.length === 0) return h('p', {class: 'faint'}, 'There is no ground along this line.');
   const total = distance_m[distance_m.length - 1];
@@ -89,7 +67,6 @@ export function sectionChart(section, hover) {
   const across = ticksOf(0, total, 6), up = ticksOf(low, high, 4);
   const decimals = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const cursor = svg('line', {class: 'cursor', y1: kTop, y2: kHeight - kFoot, visibility: 'hidden'});
-  const {cut_m2, fill_m2} = sectionAreas(section);
   const chart = svg('svg', {
     class: 'chart', viewBox: `0 0 ${kWidth} ${kHeight}`, role: 'img', tabindex: 0,
     'aria-label': `Profile over ${format.length(total)}, heights from ${format.coordinate(Math.min(...heights))} to ${format.height(Math.max(...heights))}; cut ${format.area(cut_m2)}, fill ${format.area(fill_m2)}`,
