@@ -48,10 +48,12 @@ def test_classes_have_the_same_members_and_arguments():
             continue
         real = getattr(_soilvdb, node.name)
         functions = {f.name: f for f in node.body if isinstance(f, ast.FunctionDef)}
+        attributes = {a.target.id for a in node.body if isinstance(a, ast.AnnAssign)}
         # Those without a constructor come from functions.
-        assert public(functions) == public(vars(real)) - (
+        assert public({*functions, *attributes}) == public(vars(real)) - (
             {"__init__"} if node.name in ("CutGeometry", "Heap", "Patch", "Resistance", "Survey",
                                           "SurveyedGround", "Terrain", "Update", "Volume") else set()), node.name
+        assert all(isinstance(vars(real)[name], property) for name in attributes)
         for name, function in functions.items():
             if name.startswith("_") and name not in public([name]):
                 continue

@@ -35,13 +35,17 @@ def signature(name, function):
     return f"{name}({', '.join(parts)})"
 
 
-def is_property(node):
-    return any(isinstance(d, ast.Name) and d.id == "property" for d in node.decorator_list)
+def attribute(node):
+    """The name of an attribute or property; None for a method."""
+    if isinstance(node, ast.AnnAssign):
+        return node.target.id
+    decorators = getattr(node, "decorator_list", ())
+    return node.name if any(getattr(d, "id", "") == "property" for d in decorators) else None
 
 
 def members(node, thing):
     functions = [n for n in node.body if isinstance(n, ast.FunctionDef)]
-    properties = [n.name for n in functions if is_property(n) and not n.name.startswith("_")]
+    properties = [name for name in map(attribute, node.body) if name and not name.startswith("_")]
     for name in properties:
         text = text_of(getattr(thing, name))
         yield f"- `{name}`" + (f": {text[0].lower() + text[1:]}" if text else "")
