@@ -4,7 +4,6 @@
 // messages.
 #pragma once
 
-#include <compare>
 #include <cstdint>
 #include <map>
 #include <memory>

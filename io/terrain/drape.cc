@@ -8,8 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
-#include <optional>
 
 #include "core/tool/polygon.h"
 #include "io/file/shared_library.h"

@@ -6,7 +6,6 @@
 #include <iconv.h>
 
 #include <cmath>
-#include <cstring>
 #include <fstream>
 #include <new>
 #include <utility>

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <ctime>
 #include <iterator>
-#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>

@@ -11,8 +11,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <limits>
 #include <tuple>
 
 #include "tools/python/values.h"

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <span>
 
 #include "soilvdb/capacity.h"
 #include "soilvdb/io/bucket_mesh.h"

@@ -10,7 +10,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/snapshot.h"

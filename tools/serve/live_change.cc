@@ -7,7 +7,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <utility>
 
 #include "io/file/json.h"
 #include "io/file/text.h"

@@ -5,7 +5,6 @@
 
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <utility>
 
 #include "io/file/text.h"
 #include "soilvdb/io/motion_rows.h"

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "soilvdb/survey.h"
 #include "tools/serve/feeder.h"

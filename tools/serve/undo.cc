@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // States that are taken back.
-#include <fmt/format.h>
 
 #include <boost/asio/post.hpp>
 #include <nlohmann/json.hpp>
