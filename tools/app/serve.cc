@@ -367,7 +367,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   all.mcap_forces = scenario.force;
   // Errors of the command must be reported before a recording exists.
   const auto server = std::make_shared<Server>(
-      site, make_recorded_history(site.session().clone(), recording.folder), design, all);
+      site, std::make_unique<History>(site.session().clone(), recording.folder), design, all);
   site.record(recording, {});
   if (site.fed() > 0)
     say(fmt::format("{}: going on after {}{}", recording.folder.string(),

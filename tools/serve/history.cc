@@ -27,79 +27,6 @@ std::optional<double> snapshot_time(const std::string& name) {
   return io::parse_number(name.substr(begin, std::min(end, dot) - begin));
 }
 
-class RecordedHistory : public History {
- public:
-  RecordedHistory(Session start, fs::path folder)
-      : start_(std::move(start)), folder_(std::move(folder)) {}
-
-  Times times() override {
-    if (!times_.from_s) {
-      constexpr double kForever_s = std::numeric_limits<double>::infinity();
-      const WorkLog all = log(start_.recorded(folder_, -kForever_s), kForever_s);
-      times_.from_s = all.from_s();
-      times_.to_s = all.time_s();
-    }
-    times_.snapshots_s.clear();
-    std::error_code ignored;
-    for (const fs::directory_entry& file : fs::directory_iterator(folder_, ignored)) {
-      const std::string name = file.path().filename().string();
-      if (!is_periodic(name)) continue;
-      if (const auto time_s = snapshot_time(name)) times_.snapshots_s.push_back(*time_s);
-    }
-    std::sort(times_.snapshots_s.begin(), times_.snapshots_s.end());
-    return times_;
-  }
-
-  Past at(double time_s) override {
-    auto there = ground_at(time_s);
-    return {there, std::make_shared<const WorkLog>(log(*there, time_s))};
-  }
-
-  std::shared_ptr<Session> ground_at(double time_s) override {
-    return std::make_shared<Session>(start_.recorded(folder_, time_s));
-  }
-
-  StatesAfter states_after(std::size_t machine, double time_s) override {
-    return start_.states_after(folder_, machine, time_s);
-  }
-
-  std::pair<std::shared_ptr<Undone>, FedStates> without(
-      const StatesAfter& states, std::optional<double> snapshot_every_s,
-      const std::function<void()>& go_on) override {
-    FedStates fed(start_.recorded(folder_, -std::numeric_limits<double>::infinity()));
-    auto undone =
-        start_.without(folder_, states, snapshot_every_s, [&](const io::JournalUpdate& update) {
-          fed.add(update);
-          go_on();
-        });
-    return {std::move(undone), std::move(fed)};
-  }
-
-  /// The machines' work up to a time. @param there has all machines
-  WorkLog log(const Session& there, double time_s) const {
-    WorkLog log(there);
-    const fs::path journal = folder_ / kJournalName;
-    std::uint64_t left = io::updates_until(journal, time_s);
-    io::JournalReader reader(journal);
-    while (left > 0) {
-      std::optional<io::JournalRecord> record = reader.next();
-      if (!record) break;
-      auto* update = std::get_if<io::JournalUpdate>(&*record);
-      if (update == nullptr) continue;
-      if (update->end_s > time_s)  // by a clock that was ahead
-        update->begin_s = update->end_s = std::nan("");
-      log.add(*update);
-      left -= update->ends_update;
-    }
-    return log;
-  }
-
- private:
-  Session start_;
-  fs::path folder_;
-  Times times_;
-};
-
 /// The options of the run that wrote a journal.
 RunOptions options_of(const fs::path& folder, const io::JournalContent& journal) {
   if (!is_of_session(journal.config.text))
@@ -117,8 +44,66 @@ RunOptions options_of(const fs::path& folder, const io::JournalContent& journal)
 
 }  // namespace
 
-std::unique_ptr<History> make_recorded_history(Session start, fs::path folder) {
-  return std::make_unique<RecordedHistory>(std::move(start), std::move(folder));
+History::Times History::times() {
+  if (!times_.from_s) {
+    constexpr double kForever_s = std::numeric_limits<double>::infinity();
+    const WorkLog all = log(start_.recorded(folder_, -kForever_s), kForever_s);
+    times_.from_s = all.from_s();
+    times_.to_s = all.time_s();
+  }
+  times_.snapshots_s.clear();
+  std::error_code ignored;
+  for (const fs::directory_entry& file : fs::directory_iterator(folder_, ignored)) {
+    const std::string name = file.path().filename().string();
+    if (!is_periodic(name)) continue;
+    if (const auto time_s = snapshot_time(name)) times_.snapshots_s.push_back(*time_s);
+  }
+  std::sort(times_.snapshots_s.begin(), times_.snapshots_s.end());
+  return times_;
+}
+
+Past History::at(double time_s) const {
+  auto there = ground_at(time_s);
+  return {there, std::make_shared<const WorkLog>(log(*there, time_s))};
+}
+
+std::shared_ptr<Session> History::ground_at(double time_s) const {
+  return std::make_shared<Session>(start_.recorded(folder_, time_s));
+}
+
+StatesAfter History::states_after(std::size_t machine, double time_s) const {
+  return start_.states_after(folder_, machine, time_s);
+}
+
+std::pair<std::shared_ptr<Undone>, FedStates> History::without(
+    const StatesAfter& states, std::optional<double> snapshot_every_s,
+    const std::function<void()>& go_on) const {
+  FedStates fed(start_.recorded(folder_, -std::numeric_limits<double>::infinity()));
+  auto undone =
+      start_.without(folder_, states, snapshot_every_s, [&](const io::JournalUpdate& update) {
+        fed.add(update);
+        go_on();
+      });
+  return {std::move(undone), std::move(fed)};
+}
+
+/// The machines' work up to a time. @param there has all machines
+WorkLog History::log(const Session& there, double time_s) const {
+  WorkLog log(there);
+  const fs::path journal = folder_ / kJournalName;
+  std::uint64_t left = io::updates_until(journal, time_s);
+  io::JournalReader reader(journal);
+  while (left > 0) {
+    std::optional<io::JournalRecord> record = reader.next();
+    if (!record) break;
+    auto* update = std::get_if<io::JournalUpdate>(&*record);
+    if (update == nullptr) continue;
+    if (update->end_s > time_s)  // by a clock that was ahead
+      update->begin_s = update->end_s = std::nan("");
+    log.add(*update);
+    left -= update->ends_update;
+  }
+  return log;
 }
 
 Opened open_folder(const fs::path& folder) {
@@ -131,7 +116,7 @@ Opened open_folder(const fs::path& folder) {
   Session start = Session::open(options.scenario, options.voxel_size_m);
   const ChangeBefore before = {start.change_m3(), start.mass_balance().ground};
   const std::string name = options.scenario.stem().string();
-  auto history = make_recorded_history(std::move(start), folder);
+  auto history = std::make_unique<History>(std::move(start), folder);
   const Past end = history->at(std::numeric_limits<double>::infinity());
   return {std::move(*end.site), *end.log, before, name, std::move(history)};
 }

@@ -22,7 +22,7 @@ struct Past {
   std::shared_ptr<const WorkLog> log;
 };
 
-/// One thread at a time.
+/// One thread at a time. All members throw std::exception with one line if they fail.
 class History {
  public:
   struct Times {
@@ -31,25 +31,30 @@ class History {
     std::optional<double> from_s, to_s;
     std::vector<double> snapshots_s;
   };
+  /// @param start the session before its first state
+  History(Session start, std::filesystem::path folder)
+      : start_(std::move(start)), folder_(std::move(folder)) {}
 
-  virtual ~History() = default;
-  virtual Times times() = 0;
+  Times times();
   /// Ground and machines at the newest recorded time up to `time_s`.
-  /// @throw std::exception with one line if that fails
-  virtual Past at(double time_s) = 0;
+  Past at(double time_s) const;
   /// As above, the site only.
-  virtual std::shared_ptr<Session> ground_at(double time_s) = 0;
-  /// A machine's states later than a time. @throw as at()
-  virtual StatesAfter states_after(std::size_t machine, double time_s) = 0;
+  std::shared_ptr<Session> ground_at(double time_s) const;
+  /// A machine's states later than a time.
+  StatesAfter states_after(std::size_t machine, double time_s) const;
   /// The recording without such states, and what it has.
   /// @param snapshot_every_s as in Recording @param go_on an exception from it ends that
-  virtual std::pair<std::shared_ptr<Undone>, FedStates> without(
-      const StatesAfter& states, std::optional<double> snapshot_every_s,
-      const std::function<void()>& go_on) = 0;
-};
+  std::pair<std::shared_ptr<Undone>, FedStates> without(const StatesAfter& states,
+                                                        std::optional<double> snapshot_every_s,
+                                                        const std::function<void()>& go_on) const;
 
-/// @param start the session before its first state
-std::unique_ptr<History> make_recorded_history(Session start, std::filesystem::path folder);
+ private:
+  WorkLog log(const Session& there, double time_s) const;
+
+  Session start_;
+  std::filesystem::path folder_;
+  Times times_;
+};
 
 /// A folder of a run or a recording, opened for viewing.
 struct Opened {
