@@ -25,15 +25,10 @@ struct ResumeOptions {
 };
 void resume(const ResumeOptions& options);
 
-struct VerifyOptions {
-  std::filesystem::path path;
-};
-void verify(const VerifyOptions& options);
+/// @param path the folder of a run, or a file
+void verify(const std::filesystem::path& path);
 
-struct InfoOptions {
-  std::filesystem::path file;
-};
-void info(const InfoOptions& options);
+void info(const std::filesystem::path& file);
 
 struct ExportOptions {
   std::filesystem::path file, to;

@@ -319,9 +319,8 @@ bool looks_like_scenario(const fs::path& file, const std::string& head) {
 
 }  // namespace
 
-void info(const InfoOptions& options) {
+void info(const fs::path& file) {
   constexpr std::string_view kVdbMagic("\x20\x42\x44\x56\0\0\0\0", 8);
-  const fs::path& file = options.file;
   if (io::is_tin(file)) return info_tin(file);
   io::check_readable(file);
   const std::string head = head_of(file);

@@ -210,14 +210,13 @@ class CommandLine {
 
   void add_verify() {
     CLI::App* sub = app_.add_subcommand("verify", "check whether a run or file is intact");
-    sub->add_option("DIR|FILE", verify_.path, "folder of a run, or a snapshot or journal")
-        ->required();
+    sub->add_option("DIR|FILE", verify_, "folder of a run, or a snapshot or journal")->required();
     sub->callback([this] { command_ = [this] { verify(verify_); }; });
   }
 
   void add_info() {
     CLI::App* sub = app_.add_subcommand("info", "describe a file");
-    sub->add_option("FILE", info_.file, ".vdb, raster, LandXML, DXF or scenario")->required();
+    sub->add_option("FILE", info_, ".vdb, raster, LandXML, DXF or scenario")->required();
     sub->callback([this] { command_ = [this] { info(info_); }; });
   }
 
@@ -255,8 +254,7 @@ class CommandLine {
   bool no_mesh_ = false, no_snapshots_ = false;
   ResumeOptions resume_;
   ServeOptions serve_;
-  VerifyOptions verify_;
-  InfoOptions info_;
+  std::filesystem::path verify_, info_;
   ExportOptions export_;
   DiffOptions diff_;
   std::function<void()> command_;

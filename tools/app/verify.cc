@@ -191,8 +191,7 @@ void verify_output(const fs::path& file) {
 
 }  // namespace
 
-void verify(const VerifyOptions& options) {
-  const fs::path& path = options.path;
+void verify(const fs::path& path) {
   std::error_code none;
   if (fs::is_directory(path, none)) {
     if (!fs::exists(path / kJournalName, none))

@@ -26,7 +26,6 @@ namespace soilvdb::tools {
 /// journal on disk has the newest and the removals. If the only whole snapshot is lost, the journal
 /// is dug again from its start, to the same files. The same run makes the same files, interrupted
 /// or not. Not thread-safe.
-/// the same files, interrupted or not. For one thread.
 class SnapshotWriter {
  public:
   struct Options {

@@ -138,7 +138,6 @@ class LiveSite {
   MachineState parse(const nlohmann::json& json, std::vector<double>& joints);
   /// What "geodetic" of a line says: the pose of the chain's root, or without one of the bucket.
   Pose parse_geodetic(const nlohmann::json& json, std::size_t machine);
-  /// @throw std::invalid_argument if no force is known of that machine
   /// The answer to a state without "sequence".
   nlohmann::ordered_json dig(const nlohmann::json& json, const MachineState& state);
   /// As dig() of a state whose position is not good enough, or follows such a state.
@@ -150,6 +149,7 @@ class LiveSite {
   void require_made(const StepResult& step, std::uint64_t before);
   void require_on_disk() const;
   nlohmann::ordered_json answer_to(const StepResult& step, std::size_t machine);
+  /// @throw std::invalid_argument if no force is known of that machine
   bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
   Pose carried(const io::SensorInput& input, std::optional<double> time_s) const;
