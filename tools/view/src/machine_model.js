@@ -12,26 +12,17 @@ function outline(machine) {
   return [[0, 0], [-0.75 * h, 0.02 * h], [-0.95 * h, 0.45 * h], [-0.7 * h, h], [0, h]];
 }
 
-/** Side plates and the body's sheet; open at the mouth. */
-function bucketGeometry(machine) {
-  const line = outline(machine), half = machine.width_m / 2, positions = [];
-  const quad = (a, b) => {
+/** Side plates and the sheet along a line between them. @param {boolean} closed also from its end to its begin */
+function bodyGeometry(line, half, closed) {
+  const positions = [], points = line.map(([x, z]) => new Vector2(x, z));
+  for (let i = 0; i < line.length - (closed ? 0 : 1); ++i) {
+    const a = line[i], b = line[(i + 1) % line.length];
     const p = [[a[0], -half, a[1]], [b[0], -half, b[1]], [b[0], half, b[1]], [a[0], half, a[1]]];
     for (const k of [0, 1, 2, 0, 2, 3]) positions.push(...p[k]);
-  };
-  for (let i = 0; i + 1 < line.length; ++i) quad(line[i], line[i + 1]);
-  addPlates(positions, line, half);
-  return flat(positions);
-}
-
-function addPlates(positions, line, half) {
-  const points = line.map(([x, z]) => new Vector2(x, z));
+  }
   for (const triangle of ShapeUtils.triangulateShape(points, [])) {
     for (const y of [-half, half]) for (const k of triangle) positions.push(line[k][0], y, line[k][1]);
   }
-}
-
-function flat(positions) {
   const geometry = new BufferGeometry();
   geometry.setAttribute('position', new Float32BufferAttribute(positions, 3));
   geometry.computeVertexNormals();
@@ -40,17 +31,8 @@ function flat(positions) {
 
 /** The load as a body between the plates: the outline, scaled towards the back. */
 function loadGeometry(machine) {
-  const line = outline(machine), half = 0.97 * (machine.width_m / 2), positions = [];
-  const n = line.length;
-  for (let i = 0; i < n; ++i) {
-    const a = line[i], b = line[(i + 1) % n];
-    const p = [[a[0], -half, a[1]], [b[0], -half, b[1]], [b[0], half, b[1]], [a[0], half, a[1]]];
-    for (const k of [0, 1, 2, 0, 2, 3]) positions.push(...p[k]);
-  }
-  addPlates(positions, line, half);
-  const deepest = line.reduce((a, b) => (b[0] < a[0] ? b : a));
-  const geometry = flat(positions);
-  geometry.translate(-deepest[0], 0, -deepest[1]);
+  const line = outline(machine), deepest = line.reduce((a, b) => (b[0] < a[0] ? b : a));
+  const geometry = bodyGeometry(line, 0.97 * (machine.width_m / 2), true).translate(-deepest[0], 0, -deepest[1]);
   return {geometry, anchor: new Vector3(deepest[0], 0, deepest[1])};
 }
 
@@ -64,7 +46,7 @@ export class MachineModel {
     this.machine = machine;
     const steel = new MeshLambertMaterial({color, side: DoubleSide});
     this.paint = new MeshLambertMaterial({color});
-    this.bucket.add(new Mesh(bucketGeometry(machine), steel));
+    this.bucket.add(new Mesh(bodyGeometry(outline(machine), machine.width_m / 2, false), steel));
     const load = loadGeometry(machine);
     this.load = new Mesh(load.geometry, new MeshLambertMaterial({color: kSoil, side: DoubleSide}));
     this.load.position.copy(load.anchor);

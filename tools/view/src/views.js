@@ -36,9 +36,13 @@ export class Views {
 
   #attach(view) {
     this.scene.parent.add(view.blocks.group);
-    view.blocks.table.build();
-    this.scene.uniforms.setChunks(view.blocks.table);
-    view.blocks.tableChanged = false;
+    this.#showTable(view.blocks);
+  }
+
+  #showTable(blocks) {
+    blocks.table.build();
+    this.scene.uniforms.setChunks(blocks.table);
+    blocks.tableChanged = false;
   }
 
   /** Starts a view whose blocks follow; it is shown when it is complete. */
@@ -133,11 +137,7 @@ export class Views {
       }
     }
     const {blocks} = this.shown;
-    if (blocks.tableChanged) {
-      blocks.table.build();
-      this.scene.uniforms.setChunks(blocks.table);
-      blocks.tableChanged = false;
-    }
+    if (blocks.tableChanged) this.#showTable(blocks);
     return blocks.stitch(kBudget_ms) || changed;
   }
 
