@@ -8,6 +8,7 @@
 #include <assimp/Exporter.hpp>
 #include <cstdint>
 #include <cstring>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -21,31 +22,16 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-enum class Format { kPly, kObj, kStl, kGlb };
+enum class Format { kPly, kObj, kGlb, kStl };
+constexpr const char* kSuffixes[] = {".ply", ".obj", ".glb", ".stl"};
+constexpr const char* kExporters[] = {"plyb", "objnomtl", "glb2"};  // in Assimp; .stl is ours
 
 Format format_of(const std::filesystem::path& file) {
   const std::string suffix = suffix_of(file);
-  if (suffix == ".ply") return Format::kPly;
-  if (suffix == ".obj") return Format::kObj;
-  if (suffix == ".stl") return Format::kStl;
-  if (suffix == ".glb") return Format::kGlb;
+  for (std::size_t i = 0; i < std::size(kSuffixes); ++i)
+    if (suffix == kSuffixes[i]) return static_cast<Format>(i);
   throw std::invalid_argument(file.string() + ": unknown mesh format '" + printable(suffix) +
                               "'; use .ply, .obj, .stl or .glb");
-}
-
-/// Assimp's name of the format.
-const char* exporter(Format format) {
-  switch (format) {
-    case Format::kPly:
-      return "plyb";
-    case Format::kObj:
-      return "objnomtl";
-    case Format::kGlb:
-      return "glb2";
-    case Format::kStl:
-      break;
-  }
-  return "";
 }
 
 std::string origin_text(const Vec3& origin) {
@@ -133,8 +119,8 @@ std::string annotated_glb(std::string_view bytes, const Vec3& origin, const std:
 std::string exported(const std::filesystem::path& file, const Mesh& mesh, Format format,
                      const Vec3& origin, const std::string& crs_wkt) {
   Assimp::Exporter exporters;
-  const aiExportDataBlob* blob =
-      exporters.ExportToBlob(make_scene(mesh, format).get(), exporter(format), 0u);
+  const aiExportDataBlob* blob = exporters.ExportToBlob(
+      make_scene(mesh, format).get(), kExporters[static_cast<std::size_t>(format)], 0u);
   if (blob == nullptr || blob->size == 0) {
     throw std::runtime_error(file.string() +
                              ": can't be written: " + printable(exporters.GetErrorString()));

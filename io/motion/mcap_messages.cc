@@ -54,16 +54,9 @@ std::string plain_type(std::string name) {
 }
 
 const char* type_name(McapType type) {
-  switch (type) {
-    case McapType::kJointState:
-      return "sensor_msgs/JointState";
-    case McapType::kPoseStamped:
-      return "geometry_msgs/PoseStamped";
-    case McapType::kOdometry:
-      return "nav_msgs/Odometry";
-    default:
-      return "tf2_msgs/TFMessage";
-  }
+  constexpr const char* kNames[] = {"sensor_msgs/JointState", "geometry_msgs/PoseStamped",
+                                    "nav_msgs/Odometry", "tf2_msgs/TFMessage"};
+  return kNames[static_cast<std::size_t>(type)];
 }
 
 void read_items(McapType type, std::string_view bytes, std::vector<McapItem>& items) {

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/ground_query.h"
 
-
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
