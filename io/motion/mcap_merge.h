@@ -4,6 +4,7 @@
 // messages.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <map>
 #include <memory>
