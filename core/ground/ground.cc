@@ -91,9 +91,11 @@ bool Ground::is_air(const Eigen::AlignedBox3d& box) const {
     const SampleLeaf* leaf = leaves.probeConstLeaf(to_coord(origin));
     // Soil of other chunks is the initial terrain's, which has none here.
     if (leaf == nullptr || leaf->chunk.soil_count == 0 || !leaf->chunk.above) return;
-    openvdb::CoordBBox soil;
-    leaf->evalActiveBoundingBox(soil);
-    air = !soil.hasOverlap({to_coord(part.min()), to_coord(part.max())});
+    const Coord3 low = part.min().cwiseMax(origin);
+    const Coord3 high = part.max().cwiseMin(origin + Coord3::Constant(kChunkSide - 1));
+    for (int x = low.x(); x <= high.x(); ++x)
+      for (int y = low.y(); y <= high.y(); ++y)
+        for (int z = low.z(); z <= high.z(); ++z) air = air && !leaf->isValueOn({x, y, z});
   });
   return air;
 }

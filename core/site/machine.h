@@ -104,9 +104,9 @@ class Machine {
   void pass_station(Ground& ground, double time_s, Rest rest);
   void fail();
   void set_wall(const Ground& ground, const Pose& at);
-  std::int64_t surplus();
-  void spill();
-  void spill_here(double time_s);
+  std::int64_t surplus(double held_m) const;
+  void spill(double share = 1);
+  void spill_here(double time_s, double share = 1);
   std::int64_t begin_update();
   void end_update();
   double held_m() const;
@@ -145,19 +145,20 @@ class Machine {
   double since_station_m_ = 0;  // travel from the last station to the last row or pose
   Standing standing_;           // at the last row
   Pose last_station_;
-  Eigen::AlignedBox3d swept_box_;         // of the bucket in plan since it, at stations and rows
-  std::int64_t cut_before_ = 0;           // samples, up to the last station
-  std::int32_t stations_since_fail_ = 0;  // since what hangs was looked for
-  std::int64_t pushed_ = 0;               // by the body since the last station, units of mass
-  std::int64_t in_flight_ = 0;            // spilled and not dropped, units of mass
-  std::int64_t heaped_ = 0;               // before the mouth, more than it holds, units of mass
-  std::optional<Pose> spilled_from_;      // of the bucket, when in_flight_ began
-  double spilled_s_ = 0;                  // then
-  TileSet may_slide_;                     // where loose soil may be too steep
-  std::optional<Pose> wall_;              // of the bucket when it became a wall to soil
-  Obstacle obstacle_;                     // the same as columns
-  Eigen::AlignedBox3d unsettled_box_;     // where soil may hang
-  Eigen::AlignedBox3d propped_box_;       // where bank may be too steep once the bucket has left
+  Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since it, at stations and rows
+  std::int64_t cut_before_ = 0;        // samples, up to the last station
+  std::int32_t stations_ = 0;          // counted round: what is done at some goes by it
+  std::int64_t pushed_ = 0;            // by the body since the last station, units of mass
+  std::int64_t in_flight_ = 0;         // spilled and not dropped, units of mass
+  std::int64_t heaped_ = 0;            // before the mouth, more than it holds, units of mass
+  double held_m_ = 0;                  // held_m() at the last station
+  std::optional<Pose> spilled_from_;   // of the bucket, when in_flight_ began
+  double spilled_s_ = 0;               // then
+  TileSet may_slide_;                  // where loose soil may be too steep
+  std::optional<Pose> wall_;           // of the bucket when it became a wall to soil
+  Obstacle obstacle_;                  // the same as columns
+  Eigen::AlignedBox3d unsettled_box_;  // where soil may hang
+  Eigen::AlignedBox3d propped_box_;    // where bank may be too steep once the bucket has left
 };
 
 }  // namespace soilvdb::inline v0

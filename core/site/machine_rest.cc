@@ -114,21 +114,21 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
   const bool stood = wall_.has_value();
   set_wall(ground, at);
   if (stood && !wall_) unsettled_box_ = propped_box_;  // the bucket may have held it up
-  spill_here(time_s);
+  // What drops before the mouth may hold some of the rest in.
+  spill_here(time_s, wall_ && rest == Rest::kSome ? kGroundSpillShare : 1);
   drop(ground, time_s, wall_ || rest != Rest::kSome);
   if (rest == Rest::kSome) {
-    ++stations_since_fail_;
-    if (!wall_ || stations_since_fail_ >= kStationsPerRest) fail();
-    if (!wall_ || stations_since_fail_ % kStationsPerSlide == 0)
-      settler_->slide(may_slide_, kStationSteps);
+    stations_ = (stations_ + 1) % (kStationsPerRest * kStationsPerSlide);
+    if (!wall_ || stations_ % kStationsPerRest == 0) fail();
+    if (!wall_ || stations_ % kStationsPerSlide == 0) settler_->slide(may_slide_, kStationSteps);
   } else {
     const bool banks_fail = rest == Rest::kEnd || !wall_;
     if (settler_->settle(banks_fail ? propped_box_ : unsettled_box_, banks_fail, may_slide_)) {
-      stations_since_fail_ = 0;
       unsettled_box_.setEmpty();
       if (!wall_) propped_box_.setEmpty();
     }
   }
+  held_m_ = held_m();
   last_station_ = at;
   swept_box_ = box_around(here);
   cut_before_ = ledger_.cut();
@@ -139,7 +139,6 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
 void Machine::fail() {
   if (!unsettled_box_.isEmpty()) settler_->break_overhangs(wall_ ? unsettled_box_ : propped_box_);
   unsettled_box_.setEmpty();
-  stations_since_fail_ = 0;
   if (wall_ || propped_box_.isEmpty()) return;
   settler_->take_changes(may_slide_);
   if (may_slide_.empty() && settler_->fail(propped_box_)) propped_box_.setEmpty();
@@ -157,28 +156,26 @@ void Machine::set_wall(const Ground& ground, const Pose& at) {
   obstacle_ = wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle();
 }
 
-/// The part of the load that the bucket can't hold at the present attitude.
-std::int64_t Machine::surplus() {
+/// The part of the load that the bucket can't hold at the present attitude, with ground before its
+/// mouth up to a height above the lip.
+std::int64_t Machine::surplus(double held_m) const {
   if (!capacity_ || ledger_.load == 0) return 0;
-  const auto beyond = [&](double held_m) {
-    const double hold_m3 = capacity_->at(current_.rotation, settler_->slope(), held_m).volume_m3;
-    const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
-    return std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
-  };
-  return beyond(0) == 0 ? 0 : beyond(held_m());
+  const double hold_m3 = capacity_->at(current_.rotation, settler_->slope(), held_m).volume_m3;
+  const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
+  return std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
 }
 
-/// What the bucket can't hold leaves it and is then in flight.
-void Machine::spill() {
-  const std::int64_t mass = surplus();
+/// A share of what the bucket can't hold leaves it, and is then in flight.
+void Machine::spill(double share) {
+  const auto mass = static_cast<std::int64_t>(share * static_cast<double>(surplus(held_m())));
   ledger_.load -= mass;
   ledger_.spilled += mass;
   in_flight_ += mass;
 }
 
 /// Spills, and keeps from where and when that drops.
-void Machine::spill_here(double time_s) {
-  spill();
+void Machine::spill_here(double time_s, double share) {
+  spill(share);
   if (in_flight_ == 0 || spilled_from_) return;
   spilled_from_ = current_;
   spilled_s_ = time_s;
@@ -192,17 +189,20 @@ std::int64_t Machine::begin_update() {
 }
 
 /// What an update may not leave to the next station. In the ground, what the bucket can't hold goes
-/// on before it until then: soil must not land at places that depend on the updates.
+/// on before it until then, and holds the load in as the ground there does, or did at the last
+/// station: soil must not land at places that depend on the updates.
 void Machine::end_update() {
   if (settler_ == nullptr) return;
   settler_->take_changes(may_slide_);
   if (!wall_ && ledger_.cut() == cut_before_) return spill();
-  heaped_ = surplus();
+  heaped_ = surplus(std::max(held_m_, held_m()));
   ledger_.load -= heaped_;
 }
 
-/// How far up the mouth, from the lip, the ground before it holds the load in.
+/// How far up the mouth, from the lip, the ground before it holds the load in; 0 if the rim alone
+/// does.
 double Machine::held_m() const {
+  if (surplus(0) == 0) return 0;
   const Eigen::Matrix3d axes = current_.rotation.toRotationMatrix();
   const double rise = axes(2, 2);  // of the mouth, from the lip to the upper edge
   const Vec2 ahead = axes.col(0).head<2>();
@@ -222,7 +222,7 @@ double Machine::held_m() const {
     for (Vec3& end : before) end.head<2>() += lean * held_m * ahead.normalized();
     held_m = settler_->mean_height(before, ahead.normalized(), low, high) - low_m;
   }
-  return held_m / rise;
+  return std::max(held_m / rise, 0.0);
 }
 
 /// Dense rows make as few piles as sparse rows.
@@ -239,6 +239,7 @@ void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_);
   spill_here(time_s);
   drop(ground, time_s, true);
+  held_m_ = held_m();
   if (!wall_) fail();
   settler_->slide(may_slide_, ticks * kStationSteps);
 }

@@ -309,5 +309,31 @@ TEST(GroundWriter, AirStaysAirWhateverIsRaisedElsewhere) {
   EXPECT_FALSE(ground.is_air(air));
 }
 
+// Else what a machine finds would depend on where its soil lies in a chunk.
+TEST(GroundWriter, BetweenCellsWithSoilIsAir) {
+  for (const Coord3& shift : {Coord3(0, 0, 0), Coord3(3, 1, 2), Coord3(5, 6, 7)}) {
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(-10, {0, 0}));
+    GroundWriter writer(ground);
+    const auto middle = [&](const Coord3& cell) {
+      return ground.world_from_index((cell + shift).cast<double>());
+    };
+    const Coord3 cells[] = {{0, 0, 16}, {3, 3, 19}};
+    for (const Coord3& cell : cells) {
+      const Coord3 at = cell + shift, origin = floor_to(at, kChunkSide), in = at - origin;
+      SampleWords words{};
+      words[static_cast<std::size_t>(in.x() << 6 | in.y() << 3 | in.z())] = 1;
+      writer.add(origin, words, GroundWriter::Kind::kLoose);
+    }
+    const Vec3 half = Vec3::Constant(0.4 * kVoxel);
+    for (int x = 0; x < 4; ++x)
+      for (int y = 0; y < 4; ++y)
+        for (int z = 16; z < 20; ++z) {
+          const Coord3 cell(x, y, z);
+          const bool is_soil = cell == cells[0] || cell == cells[1];
+          EXPECT_EQ(ground.is_air({middle(cell) - half, middle(cell) + half}), !is_soil);
+        }
+  }
+}
+
 }  // namespace ground_writer_test
 }  // namespace soilvdb::test

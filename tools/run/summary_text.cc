@@ -79,8 +79,8 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
   cubic_metres("  captured", s.captured_m3);
   cubic_metres("  displaced", s.displaced_m3);
   if (const auto& m = s.moved) {
-    cubic_metres("put down", m->fill_m3);
-    cubic_metres("spilled", m->spilled_m3);
+    cubic_metres("put down", m->spilled_m3);
+    cubic_metres("filled", m->fill_m3);
     cubic_metres("poured", m->poured_m3);
     cubic_metres("hauled", m->hauled_m3);
     cubic_metres("slid", m->slid_m3);
