@@ -15,6 +15,7 @@
 #include "core/constants.h"
 #include "tests/support/capacity_fixture.h"
 #include "tests/support/tool_scenes.h"
+#include "tests/support/turned_scenes.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -55,21 +56,6 @@ void rest(const Options& options, Goals& goals) {
   goals.add({"the same, steepest", quantile(worst_deg, 1), "deg", 3});
 }
 
-/// Height of the ridge before a blade that was pushed some way, m. It gains what is cut, and loses
-/// at each end what stands beside the blade as it passes: the section of a slope of repose.
-double pushed_height_m(double width_m, double depth_m, double way_m) {
-  constexpr double kStep_m = 1e-4, kSwell = 1.25;
-  double height_m = kStep_m;
-  for (double at_m = 0; at_m < way_m; at_m += kStep_m) {
-    const double gain_m2 = width_m * depth_m * kSwell - height_m * height_m / kSlope;
-    // A prism as wide as the blade, and a quarter of a cone before each of its ends.
-    const double area_m2 = width_m * height_m / kSlope +
-                           std::numbers::pi * height_m * height_m / (2 * kSlope * kSlope);
-    height_m += kStep_m * gain_m2 / area_m2;
-  }
-  return height_m;
-}
-
 /// A blade 2.5 m high and 4 m wide is pushed 6 m, 10 cm deep.
 void pushed(const Options& options, Goals& goals) {
   constexpr double kWidth = 4, kDepth = 0.1, kWay = 6;
@@ -102,7 +88,7 @@ void pushed(const Options& options, Goals& goals) {
              0.1,
              {},
              fmt::format("heap {:.2f} m high", *high)});
-  const double height_m = pushed_height_m(kWidth, kDepth, kWay);
+  const double height_m = test::pushed_height_m(kWidth, kDepth, kWay, kSlope, 1.25);
   goals.add({"the same, height over that by what is cut and what stays beside the blade, less 1",
              100 * std::abs(*high / height_m - 1),
              "%",
@@ -256,6 +242,37 @@ void turned(const Options& options, Goals& goals) {
   goals.add({"the same, rms", std::sqrt(square / columns), "voxel", 0.1});
 }
 
+/// Random scenes of two cycles, shifted by whole voxels, mirrored, and turned by 30 degrees.
+void random_scenes(const Options& options, Goals& goals) {
+  const int scenes = options.quick ? 4 : 40;
+  std::vector<double> like, aslant;
+  for (int n = 0; n < scenes; ++n) {
+    test::Random random(4000 + static_cast<std::uint64_t>(n));
+    const test::Cycles cycles(random, options.quick ? 0.1 : 0.05);
+    const test::Outcome straight = test::outcome_of(cycles, {});
+    const Turn mirror{0, true}, turn{std::numbers::pi / 6};
+    const auto rms = [&](const Turn& how, const Coord2& shift) {
+      return test::heights_apart(straight, test::outcome_of(cycles, how, shift), how).rms;
+    };
+    like.push_back(rms({}, {17, -9}));
+    like.push_back(rms(mirror, {0, 0}));
+    aslant.push_back(rms(turn, {0, 0}));
+  }
+  const auto beyond = [](const std::vector<double>& all, double most) {
+    return 100.0 *
+           static_cast<double>(
+               std::count_if(all.begin(), all.end(), [&](double v) { return v > most; })) /
+           static_cast<double>(all.size());
+  };
+  const std::string what =
+      fmt::format("{} random scenes of two cycles, shifted and mirrored", scenes);
+  goals.add({what + ": heights rms, median", quantile(like, 0.5), "voxel", 0.1});
+  goals.add({"the same, over 0.1 voxel", beyond(like, 0.1), "%", 0.0});
+  goals.add({"the same, largest", quantile(like, 1), "voxel", 0.1});
+  goals.add({"turned by 30 degrees: heights rms, median", quantile(aslant, 0.5), "voxel", 0.3});
+  goals.add({"the same, over 0.3 voxel", beyond(aslant, 0.3), "%", 0.0});
+}
+
 }  // namespace
 
 void measure_tools(const Options& options, Goals& goals) {
@@ -266,6 +283,7 @@ void measure_tools(const Options& options, Goals& goals) {
   bed(options, goals);
   failed_face(options, goals);
   turned(options, goals);
+  random_scenes(options, goals);
 }
 
 }  // namespace soilvdb::bench

@@ -207,10 +207,10 @@ inline constexpr double kSpillTurnRad = 0.05;
 /// larger value soil that is tipped at once hangs in the air. With a smaller one dense rows make
 /// many small piles.
 inline constexpr double kMinSpillShare = 0.1;
-/// Share of the excess load that a bucket in the ground spills at a station; the rest goes on
-/// before its mouth. With more, its load swings from station to station, because a heap that is
-/// made at one holds too much in at the next. With less, soil drops later than it should.
-inline constexpr double kGroundSpillShare = 0.5;
+/// Largest amount that a bucket holds more for soil that dropped before its mouth, m^3 per m^3. As
+/// much less is spilled at the next station in the ground. With 0, the load swings from station to
+/// station. With more, soil drops later than it should.
+inline constexpr double kMaxHoldGain = 2;
 /// Smallest way in plan since the last station along which the body pushes soil, radii of the
 /// bucket. After a shorter way the soil goes before the mouth.
 inline constexpr double kMinPushWay = 0.01;

@@ -117,27 +117,18 @@ void Excavator::find_strokes(const Coord3& origin, std::size_t first, std::size_
 
 /// Digs all strokes of one chunk: the CSG difference with the sweep. Soil stays where
 /// max(soil, -sweep) < 0, decided at 64 points of each voxel instead of at its centre.
-Removed Excavator::dig(Samples& samples, const Coord3& origin, const Work& work, double h) const {
+/// @return true if a sample was removed
+bool Excavator::dig(std::size_t edit, Samples& samples, Samples& loose, double h) {
   const Booking through_mouth = facets_.size() > 1 ? Booking::kCapturedAhead : Booking::kCaptured;
-  Removed removed;
+  const Coord3& origin = edits_[edit].origin;
+  Work& work = work_[edit];
   for (std::size_t i = work.first; i < work.last; ++i) {
     const auto [f, pose] = strokes_[i];
     const Stroke stroke(frame(pose - 2, f, origin), frame(pose - 1, f, origin),
                         frame(pose, f, origin), facets_[f], h);
     const Booking booking = f == 0 ? through_mouth : Booking::kDisplaced;
-    removed += cut_samples(samples, origin, stroke, facets_[f], h, booking);
+    work.cut += cut_samples(samples, loose, origin, stroke, facets_[f], h, booking);
   }
-  return removed;
-}
-
-/// The same with the loose part: a stroke treats each sample independently, so digging the loose
-/// samples alone counts them. @return true if a sample was removed
-bool Excavator::dig(std::size_t edit, Samples& samples, Samples& loose, double h) {
-  Work& work = work_[edit];
-  const Coord3& origin = edits_[edit].origin;
-  work.cut.all = dig(samples, origin, work, h);
-  if (work.cut.all.sum() > 0 && loose.heap_bytes() > 0)
-    work.cut.loose = dig(loose, origin, work, h);
   return work.cut.all.sum() > 0;
 }
 
@@ -163,10 +154,7 @@ void Excavator::sweep_part(Ground& ground, std::size_t first, std::size_t last, 
   GroundWriter(ground).edit(
       GroundWriter::Operation::kRemove, edits_, kParallelCutWork,
       [&](std::size_t i, Samples& samples, Samples& loose) { return dig(i, samples, loose, h); });
-  for (const Work& work : work_) {
-    cut.all += work.cut.all;
-    cut.loose += work.cut.loose;
-  }
+  for (const Work& work : work_) cut += work.cut;
 }
 
 void Excavator::find_places(const Ground& ground, std::span<const Pose> path) {
@@ -258,10 +246,7 @@ Cut Excavator::stamp(Ground& ground, const Pose& world_from_bucket) {
     return cuts[e].all.displaced > 0;
   };
   GroundWriter(ground).edit(GroundWriter::Operation::kRemove, edits_, kParallelCutWork, clear);
-  for (const Cut& part : cuts) {
-    cut.all += part.all;
-    cut.loose += part.loose;
-  }
+  for (const Cut& part : cuts) cut += part;
   return cut;
 }
 

@@ -12,12 +12,6 @@
 
 namespace soilvdb::inline v0 {
 
-/// The result of one call.
-struct Cut {
-  Removed all;
-  Removed loose;  ///< the loose part
-};
-
 /// The cutting part of a bucket. It keeps scratch memory between calls to avoid allocations; copies
 /// begin without it.
 ///
@@ -69,7 +63,6 @@ class Excavator {
   Eigen::AlignedBox3d box(std::size_t pose) const;
   AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
   void find_strokes(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
-  Removed dig(Samples& samples, const Coord3& origin, const Work& work, double voxel_size_m) const;
   bool dig(std::size_t edit, Samples& samples, Samples& loose, double voxel_size_m);
   std::int64_t clear_body(Samples& samples, const Coord3& origin, const Ground& ground,
                           const Pose& bucket_from_world) const;

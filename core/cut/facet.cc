@@ -61,9 +61,16 @@ SOILVDB_INLINE Seen look(const Line& l, const Reach& r, const Stroke& s) {
 
 /// Bit i is set if sample i is ahead of the facet's plane.
 inline std::uint64_t ahead_of_plane(const CellPoints& p, Affine a) {
-  std::uint64_t bits = 0;
-  for (int i = 0; i < 64; ++i) bits |= std::uint64_t{a.at(p.x[i], p.y[i], p.z[i]) > 0} << i;
-  return bits;
+  std::uint32_t half[2];
+  for (int g = 0; g < 2; ++g) {
+    std::uint32_t bits = 0;
+    for (int i = 0; i < 32; ++i) {
+      const int n = g * 32 + i;
+      bits |= a.at(p.x[n], p.y[n], p.z[n]) > 0 ? kBits.bit[i] : 0u;
+    }
+    half[g] = bits;
+  }
+  return std::uint64_t{half[1]} << 32 | half[0];
 }
 
 /// Bit i is set if sample i crosses the facet's plane.
@@ -183,10 +190,12 @@ Stroke::Stroke(const AffineFrame& from, const AffineFrame& middle, const AffineF
   }
 }
 
-SOILVDB_FOR_CPUS Removed cut_samples(Samples& samples, const Coord3& origin, const Stroke& stroke,
-                                     const Facet& facet, double h, Booking booking) {
+SOILVDB_FOR_CPUS Cut cut_samples(Samples& samples, Samples& loose, const Coord3& origin,
+                                 const Stroke& stroke, const Facet& facet, double h,
+                                 Booking booking) {
   const Reach row(stroke, 0.5f, 0.5f, 0.5f * kChunkSide), one(stroke, 0.5f, 0.5f, 0.5f);
-  Removed removed;
+  const bool any_loose = loose.heap_bytes() > 0;
+  Cut cut;
   for (int x = 0; x < kChunkSide; ++x) {
     std::uint32_t rows = samples.rows_with_soil(x);
     if (rows == 0) continue;
@@ -223,12 +232,18 @@ SOILVDB_FOR_CPUS Removed cut_samples(Samples& samples, const Coord3& origin, con
           const CellPoints& points = sample_points(origin + Coord3(x, y, z));
           captured &= ahead_of_plane(points, stroke.u.moved(x0, y0, static_cast<float>(z)));
         }
-        removed.captured += std::popcount(captured);
-        removed.displaced += std::popcount(hit ^ captured);
+        cut.all.captured += std::popcount(captured);
+        cut.all.displaced += std::popcount(hit ^ captured);
+        if (!any_loose) continue;
+        const std::uint64_t loose_word = loose.word(n + z), loose_hit = loose_word & hit;
+        if (loose_hit == 0) continue;
+        loose.set_word(n + z, loose_word ^ loose_hit);
+        cut.loose.captured += std::popcount(loose_hit & captured);
+        cut.loose.displaced += std::popcount(loose_hit & ~captured);
       }
     }
   }
-  return removed;
+  return cut;
 }
 
 namespace {

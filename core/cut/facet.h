@@ -56,9 +56,20 @@ struct Removed {
   }
 };
 
-/// Removes the samples that the facet passes through.
+/// What was removed, and the part of it that was loose.
+struct Cut {
+  Removed all, loose;
+
+  Cut& operator+=(const Cut& more) {
+    all += more.all;
+    loose += more.loose;
+    return *this;
+  }
+};
+
+/// Removes the samples that the facet passes through, also from the loose ones among them.
 /// @param origin of the chunk @param h voxel size, m
-Removed cut_samples(Samples& samples, const Coord3& origin, const Stroke& stroke,
-                    const Facet& facet, double h, Booking booking);
+Cut cut_samples(Samples& samples, Samples& loose, const Coord3& origin, const Stroke& stroke,
+                const Facet& facet, double h, Booking booking);
 
 }  // namespace soilvdb::inline v0

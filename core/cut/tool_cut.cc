@@ -154,9 +154,11 @@ class Sweep {
     if (word == 0) return;
     const std::uint64_t hit = passed(voxel, near, word);
     if (hit == 0) return;
+    const std::uint64_t loose_word = loose.word(n);
     cut.samples += std::popcount(hit);
-    cut.loose += std::popcount(hit & loose.word(n));
+    cut.loose += std::popcount(hit & loose_word);
     samples.set_word(n, word & ~hit);
+    loose.set_word(n, loose_word & ~hit);
   }
 
   /// The samples of soil of a cell that the tool passes.

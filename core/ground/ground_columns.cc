@@ -329,17 +329,22 @@ GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
 }
 
 const ColumnTile& GroundColumns::tile(int cx, int cy) {
+  const std::uint64_t key = plan_key({cx, cy});
+  if (last_ != nullptr && key == last_key_) return *last_;
   if (!reaches({cx, cy})) throw OutOfReach();
-  Kept& kept = tiles_[plan_key({cx, cy})];
+  Kept& kept = tiles_[key];
   if (!kept.is_new) {
     kept.tile = {};
     TileReader(base_, cx, cy, kNoCeiling, TileReader::By::kHeights, kept.tile).read();
     kept.is_new = true;
   }
-  return kept.tile;
+  last_key_ = key;
+  last_ = &kept.tile;
+  return *last_;
 }
 
 std::vector<Coord2> GroundColumns::take_changes() {
+  last_ = nullptr;
   if (tiles_.size() > kMaxColumnTiles) tiles_.clear();
   std::vector<Coord2> changed;
   for (const Coord3& origin : changes_.take()) {

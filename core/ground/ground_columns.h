@@ -70,9 +70,15 @@ class GroundColumns {
   GroundColumns(Ground& clone, const GroundColumns& other)
       : base_(clone, other.base_), changes_(clone, other.changes_) {}
 
+  GroundColumns(const GroundColumns&) = delete;
+  GroundColumns& operator=(const GroundColumns&) = delete;
+
   BaseColumns& base() { return base_; }
   /// Gives it the columns of a box of cells, whole tiles; empty: all.
-  void confine(const Eigen::AlignedBox2i& cells) { reach_ = cells; }
+  void confine(const Eigen::AlignedBox2i& cells) {
+    reach_ = cells;
+    last_ = nullptr;
+  }
   bool reaches(const Coord2& cell) const { return reach_.isEmpty() || reach_.contains(cell); }
   /// As it was at the last call of take_changes(), and valid until the next. @param cx, cy the
   /// lowest cell. @throw OutOfReach
@@ -111,6 +117,8 @@ class GroundColumns {
     bool is_new = false;  // read since the last change
   };
   std::unordered_map<std::uint64_t, Kept> tiles_;
+  const ColumnTile* last_ = nullptr;  // the one that was asked for last, most often the next, too
+  std::uint64_t last_key_ = 0;
 };
 
 }  // namespace soilvdb::inline v0

@@ -132,7 +132,6 @@ void GroundWriter::perform(Operation operation, const Coord3& origin, Target& ta
     throw;
   }
   if (!target.changed) return;
-  keep_loose_in(chunk.samples, chunk.loose);
   chunk.samples.trim();
   chunk.loose.trim();
   recount(*target.leaf);
@@ -179,7 +178,10 @@ std::int64_t GroundWriter::change(Operation operation, const Coord3& origin,
           samples[static_cast<std::size_t>(n)] & (operation == Operation::kRemove ? word : ~word);
       if (other == 0) continue;
       soil.set_word(n, word ^ other);
-      if (kind == Kind::kLoose) loose.set_word(n, loose.word(n) | other);
+      if (operation == Operation::kRemove)
+        loose.set_word(n, loose.word(n) & ~other);
+      else if (kind == Kind::kLoose)
+        loose.set_word(n, loose.word(n) | other);
       count += std::popcount(other);
     }
     return count > 0;

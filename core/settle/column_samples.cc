@@ -14,8 +14,8 @@
 #include "core/constants.h"
 #include "core/ground/ground_writer.h"
 #include "core/lattice/affine.h"
-#include "core/lattice/cell_counts.h"
 #include "core/lattice/chunk_math.h"
+#include "core/lattice/lanes.h"
 #include "core/settle/sample_ranking.h"
 
 namespace soilvdb::inline v0 {
@@ -24,6 +24,23 @@ namespace {
 std::size_t number_of(const ColumnEdit& c, int z) {
   return static_cast<std::size_t>(cell_number({c.cell.x(), c.cell.y(), z}));
 }
+
+/// Samples of a chunk.
+struct ChosenSamples {
+  SampleWords words;
+  std::array<std::uint64_t, kChunkVoxels / 64> cells;  // bits of those with some
+  std::int64_t samples;
+
+  /// Calls f(n, word) for each cell with some.
+  template <typename F>
+  SOILVDB_INLINE void each(const F& f) const {
+    for (std::size_t g = 0; g < cells.size(); ++g)
+      for (std::uint64_t left = cells[g]; left != 0; left &= left - 1) {
+        const std::size_t n = 64 * g + static_cast<std::size_t>(std::countr_zero(left));
+        f(static_cast<int>(n), words[n]);
+      }
+  }
+};
 
 /// The chunks over and under each other in which some columns change, and what does. Chunks are
 /// read when a column first comes to them.
@@ -46,18 +63,19 @@ class SampleStack {
     return first_ + Coord3(0, 0, static_cast<int>(i) * kChunkSide);
   }
   /// What changes of a chunk, null if nothing does.
-  const SampleWords* chosen(std::size_t i) const {
-    return pieces_[i] && pieces_[i]->some ? &pieces_[i]->chosen : nullptr;
+  const ChosenSamples* chosen(std::size_t i) const {
+    return pieces_[i] && pieces_[i]->chosen.samples > 0 ? &pieces_[i]->chosen : nullptr;
   }
 
-  void choose(float slope) {
-    for (const ColumnEdit& c : changes_) choose(c, slope);
+  /// @param taken receives the number of samples of each column
+  void choose(float slope, std::int64_t* taken) {
+    for (const ColumnEdit& c : changes_) *taken++ = choose(c, slope);
   }
 
  private:
   struct Piece {
-    SampleWords may, chosen;  // what may change, what does
-    bool some;
+    SampleWords may;  // what may change
+    ChosenSamples chosen;
   };
 
   Piece& piece(int z) {
@@ -69,22 +87,29 @@ class SampleStack {
                      : ground_->read_loose(origin(i), p.may);
       if (adds_)
         for (std::uint64_t& word : p.may) word = ~word;
-      p.chosen.fill(0);
-      p.some = false;
+      p.chosen.words.fill(0);
+      p.chosen.cells.fill(0);
+      p.chosen.samples = 0;
     }
     return *pieces_[i];
   }
   std::uint64_t may(const ColumnEdit& c, int z) { return piece(z).may[number_of(c, z)]; }
-  void take(const ColumnEdit& c, int z, std::uint64_t samples) {
-    Piece& p = piece(z);
-    p.chosen[number_of(c, z)] |= samples;
-    p.some |= samples != 0;
+  /// @return number of samples
+  SOILVDB_INLINE int take(const ColumnEdit& c, int z, std::uint64_t samples) {
+    if (samples == 0) return 0;
+    const std::size_t n = number_of(c, z);
+    ChosenSamples& chosen = piece(z).chosen;
+    chosen.samples += std::popcount(samples & ~chosen.words[n]);
+    chosen.words[n] |= samples;
+    chosen.cells[n / 64] |= std::uint64_t{1} << n % 64;
+    return std::popcount(samples);
   }
 
   /// Takes the column's samples in their order from one end: cell by cell while all of a cell come
   /// before any that could be left, then one by one.
-  SOILVDB_FOR_CPUS void choose(const ColumnEdit& c, float slope) {
-    if (c.samples <= 0) return;
+  /// @return their number
+  SOILVDB_FOR_CPUS std::int64_t choose(const ColumnEdit& c, float slope) {
+    if (c.samples <= 0) return 0;
     const int step = adds_ ? 1 : -1, from = adds_ ? c.low : c.high, to = adds_ ? c.high : c.low;
     std::int64_t sum = 0;
     int last = from;  // cell in which the count is reached
@@ -100,11 +125,7 @@ class SampleStack {
     const int unsure = static_cast<int>(std::ceil(2 * tilt + kTiltRounding));
     std::int64_t left = c.samples;
     int z = from;
-    for (; step * (last - z) > unsure; z += step) {
-      const std::uint64_t all = may(c, z);
-      take(c, z, all);
-      left -= std::popcount(all);
-    }
+    for (; step * (last - z) > unsure; z += step) left -= take(c, z, may(c, z));
     const int end = step * (to - last) > unsure ? last + step * unsure : to;
     const int low = std::min(z, end), high = std::max(z, end);
     const ColumnSurface surface{c.cone, c.a, c.b, slope, adds_ ? 1.0f : -1.0f};
@@ -113,7 +134,8 @@ class SampleStack {
       ranking_.add(sample_points({c.cell.x(), c.cell.y(), z}), static_cast<float>(z - c.low),
                    surface, may(c, z));
     const std::span<const std::uint64_t> first = ranking_.first(left);
-    for (z = low; z <= high; ++z) take(c, z, first[static_cast<std::size_t>(z - low)]);
+    for (z = low; z <= high; ++z) left -= take(c, z, first[static_cast<std::size_t>(z - low)]);
+    return c.samples - left;
   }
 
   const Ground* ground_;
@@ -129,19 +151,28 @@ class Stacks {
  public:
   Stacks(const Ground& ground, std::span<const ColumnEdit> changes, double slope, bool adds,
          bool bank)
-      : sorted_(changes.begin(), changes.end()) {
+      : taken_(changes.size()) {
     const auto corner = [](const ColumnEdit& c) {
       return std::pair(floor_to(c.cell.x(), kChunkSide), floor_to(c.cell.y(), kChunkSide));
     };
-    std::stable_sort(sorted_.begin(), sorted_.end(),
-                     [&](const auto& a, const auto& b) { return corner(a) < corner(b); });
+    order_.resize(changes.size());
+    std::iota(order_.begin(), order_.end(), std::size_t{0});
+    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+      return corner(changes[a]) < corner(changes[b]);
+    });
+    sorted_.reserve(changes.size());
+    for (const std::size_t i : order_) sorted_.push_back(changes[i]);
+    std::vector<std::size_t> firsts;
     for (auto from = sorted_.begin(); from != sorted_.end();) {
       const auto to = std::find_if(from, sorted_.end(),
                                    [&](const auto& c) { return corner(c) != corner(*from); });
+      firsts.push_back(static_cast<std::size_t>(from - sorted_.begin()));
       stacks_.emplace_back(ground, std::span<const ColumnEdit>(from, to), adds, bank);
       from = to;
     }
-    const auto run = [&](std::size_t i) { stacks_[i].choose(static_cast<float>(slope)); };
+    const auto run = [&](std::size_t i) {
+      stacks_[i].choose(static_cast<float>(slope), &taken_[firsts[i]]);
+    };
     if (changes.size() >= kParallelFillColumns) {
       tbb::parallel_for(std::size_t{0}, stacks_.size(), run);
     } else {
@@ -149,30 +180,43 @@ class Stacks {
     }
     for (const SampleStack& stack : stacks_)
       for (std::size_t i = 0; i < stack.chunks(); ++i)
-        if (const SampleWords* words = stack.chosen(i)) chosen_.push_back({stack.origin(i), words});
+        if (const ChosenSamples* some = stack.chosen(i)) chosen_.push_back({stack.origin(i), some});
   }
 
   /// Chunks of which something was chosen, and what.
   struct Chosen {
     Coord3 origin;
-    const SampleWords* words;
+    const ChosenSamples* samples;
   };
   const std::vector<Chosen>& chosen() const { return chosen_; }
+  std::int64_t samples() const {
+    std::int64_t sum = 0;
+    for (const Chosen& c : chosen_) sum += c.samples->samples;
+    return sum;
+  }
+  /// Their number by change.
+  std::vector<std::int64_t> by_change() const {
+    std::vector<std::int64_t> by(taken_.size());
+    for (std::size_t i = 0; i < by.size(); ++i) by[order_[i]] = taken_[i];
+    return by;
+  }
 
  private:
+  std::vector<std::size_t> order_;  // numbers of the changes as they are sorted
   std::vector<ColumnEdit> sorted_;
+  std::vector<std::int64_t> taken_;  // by these
   std::vector<SampleStack> stacks_;
   std::vector<Chosen> chosen_;
 };
 
 /// Adds samples, or removes them.
-void apply(GroundWriter::Operation operation, const SampleWords& chosen, Samples& to) {
-  SampleWords words;
-  to.expand(words);
-  for (std::size_t n = 0; n < words.size(); ++n)
-    words[n] =
-        operation == GroundWriter::Operation::kAdd ? words[n] | chosen[n] : words[n] & ~chosen[n];
-  to.assign(words);
+SOILVDB_FOR_CPUS void apply(GroundWriter::Operation operation, const ChosenSamples& chosen,
+                            Samples& to) {
+  const bool adds = operation == GroundWriter::Operation::kAdd;
+  chosen.each([&](int n, std::uint64_t samples) {
+    const std::uint64_t word = to.word(n);
+    to.set_word(n, adds ? word | samples : word & ~samples);
+  });
 }
 
 /// Adds or removes what was chosen. @param and_loose also of the loose samples
@@ -181,17 +225,11 @@ void edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operatio
   for (const Stacks::Chosen& c : stacks.chosen()) edits.push_back({c.origin});
   GroundWriter(ground).edit(operation, edits, kParallelFillChunks,
                             [&](std::size_t i, Samples& samples, Samples& loose) {
-                              const SampleWords& chosen = *stacks.chosen()[i].words;
+                              const ChosenSamples& chosen = *stacks.chosen()[i].samples;
                               apply(operation, chosen, samples);
                               if (and_loose) apply(operation, chosen, loose);
                               return true;
                             });
-}
-
-std::int64_t count(const SampleWords& words) {
-  CellCounts counts;
-  count_cells(words, counts);
-  return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
 }  // namespace
@@ -200,32 +238,39 @@ std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, do
                          bool loose, const ChunkReceiver& added) {
   const Stacks stacks(ground, changes, slope, true, false);
   edit(ground, stacks, GroundWriter::Operation::kAdd, loose);
-  std::int64_t sum = 0;
-  for (const Stacks::Chosen& c : stacks.chosen()) {
-    sum += count(*c.words);
-    if (added) added(c.origin, *c.words, loose);
-  }
-  return sum;
+  if (added)
+    for (const Stacks::Chosen& c : stacks.chosen()) added(c.origin, c.samples->words, loose);
+  return stacks.samples();
 }
 
-Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank,
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope,
                  const ChunkReceiver& removed) {
-  const Stacks stacks(ground, changes, slope, false, bank);
+  const Stacks stacks(ground, changes, slope, false, true);
   Taken taken;
   SampleWords loose;
   for (const Stacks::Chosen& c : stacks.chosen()) {
     ground.read_loose(c.origin, loose);
-    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= (*c.words)[n];
-    const std::int64_t loose_samples = count(loose);
+    std::int64_t loose_samples = 0;
+    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= c.samples->words[n];
+    c.samples->each([&](int n, std::uint64_t) {
+      loose_samples += std::popcount(loose[static_cast<std::size_t>(n)]);
+    });
     taken.loose += loose_samples;
-    taken.bank += count(*c.words) - loose_samples;
+    taken.bank += c.samples->samples - loose_samples;
     if (!removed) continue;
     removed(c.origin, loose, true);
-    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] ^= (*c.words)[n];
+    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] ^= c.samples->words[n];
     removed(c.origin, loose, false);
   }
   edit(ground, stacks, GroundWriter::Operation::kRemove, true);
   return taken;
+}
+
+std::vector<std::int64_t> remove_loose(Ground& ground, std::span<const ColumnEdit> changes,
+                                       double slope) {
+  const Stacks stacks(ground, changes, slope, false, false);
+  edit(ground, stacks, GroundWriter::Operation::kRemove, true);
+  return stacks.by_change();
 }
 
 }  // namespace soilvdb::inline v0

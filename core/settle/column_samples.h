@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <span>
+#include <vector>
 
 #include "soilvdb/ground.h"
 
@@ -42,8 +43,11 @@ std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, do
 struct Taken {
   std::int64_t bank = 0, loose = 0;
 };
-/// Removes samples, the highest above surfaces first: loose soil or, with `bank`, any soil.
-Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank,
+/// Removes samples of any soil, the highest above surfaces first.
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope,
                  const ChunkReceiver& removed = {});
+/// The same of loose soil alone. @return number of removed samples by column, as many as there were
+std::vector<std::int64_t> remove_loose(Ground& ground, std::span<const ColumnEdit> changes,
+                                       double slope);
 
 }  // namespace soilvdb::inline v0

@@ -17,7 +17,7 @@ Vec2 middle(int x, int y) { return {x + 0.5, y + 0.5}; }
 void Front::clear() {
   level = -kInfinity;
   filled = keys = 0;
-  next = lip = kInfinity;
+  lip = kInfinity;
   whole = true;
   fits = false;
   parts.clear();
@@ -131,7 +131,6 @@ void FrontFinder::grow(const Source& source, double volume, double limit, Front&
   if (queue_.empty() && count > 0 && holds(limit_)) front.fits = true;
   front.level = front.fits ? front.level_of(volume) : limit_;
   front.filled = front.fits ? volume : count > 0 ? count * limit_ - front.keys : 0;
-  front.next = limit_;
 }
 
 void FrontFinder::push(double order, double distance, int column, int anchor) {
@@ -201,11 +200,7 @@ void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const 
     if (!all || reach_there < 0) limit_ = std::min(limit_, std::max(opens, level_));
     return;
   }
-  if (!(opens < level_)) {
-    front_->lips.push_back({to, opens});
-    front_->next = std::min(front_->next, opens);
-    return;
-  }
+  if (!(opens < level_)) return front_->lips.push_back({to, opens});
   // The soil stands above the edge where it is near enough to the anchor.
   const double half = std::sqrt(std::max(0.0, reach_there * reach_there - ahead * ahead));
   const double low = std::max(-0.5, beside - half), high = std::min(0.5, beside + half);
@@ -248,10 +243,7 @@ void FrontFinder::reach(int column, double distance, int anchor) {
   const bool low = growing_ || key < level_;
   const bool known = labelled(column);
   l = {distance, anchor, -1, epoch_, low ? kQueued : kTooHigh};
-  if (low)
-    push(growing_ ? std::max(key, level_) : distance, distance, column, anchor);
-  else
-    front_->next = std::min(front_->next, key);
+  if (low) push(growing_ ? std::max(key, level_) : distance, distance, column, anchor);
   if (!known && (growing_ || !low)) over_lips_of(column, anchor);
 }
 
@@ -297,14 +289,18 @@ bool FrontFinder::steps_down(int x, int y, int to_x, int to_y, double& edge) con
   return steps;
 }
 
-bool FrontFinder::passes(int x, int y, int to_x, int to_y, double surface) const {
+/// @param n, to neighbours along an axis, on a way between places in the columns
+inline bool FrontFinder::passes(int n, int to, double surface) const {
   const Columns& c = *columns_;
-  if (!c.open(to_x, to_y)) return false;
-  double edge;
-  if (step(x, y, to_x, to_y, edge) || step(to_x, to_y, x, y, edge)) return edge < surface;
+  if (!c.rigid.empty() && c.rigid[static_cast<std::size_t>(to)] != 0) return false;
+  const double most = slope_ + tau_, here = c.at(n), there = c.at(to);
+  if (std::abs(here - there) > most || std::abs(c.firm_at(n) - c.firm_at(to)) > most) {
+    const int x = n / c.ny, y = n % c.ny, to_x = to / c.ny, to_y = to % c.ny;
+    double edge;
+    if (step(x, y, to_x, to_y, edge) || step(to_x, to_y, x, y, edge)) return edge < surface;
+  }
   // Ground at the face's middle, from which it may rise by half of the slope to where the way is.
-  const double ground = (c.at(c.index(x, y)) + c.at(c.index(to_x, to_y))) / 2;
-  return ground < surface + slope_ / 2 + tau_;
+  return (here + there) / 2 < surface + slope_ / 2 + tau_;
 }
 
 bool FrontFinder::sees(int seen_from, int x, int y, double level) const {
@@ -330,27 +326,26 @@ bool FrontFinder::sees(int seen_from, int x, int y, double level) const {
   const double length = way.norm();
   const double every_x = dx > 0 ? 1 / dx : kInfinity, every_y = dy > 0 ? 1 / dy : kInfinity;
   double next_x = every_x / 2, next_y = every_y / 2;
-  for (;;) {
+  const int by_x = sx * columns_->ny, by_y = sy;  // to the next column
+  for (int n = columns_->index(x, y);;) {
     const double t = std::min(next_x, next_y);
     if (t >= 1 - kSamePlace) return true;
     const double surface = level - slope_ * (from.distance + (1 - t) * length);
     if (std::abs(next_x - next_y) < kSamePlace) {
-      const bool by_x =
-          passes(x, y, x + sx, y, surface) && passes(x + sx, y, x + sx, y + sy, surface);
-      if (!by_x &&
-          !(passes(x, y, x, y + sy, surface) && passes(x, y + sy, x + sx, y + sy, surface)))
-        return false;
-      x += sx;
-      y += sy;
+      const auto round = [&](int first) {
+        return passes(n, n + first, surface) && passes(n + first, n + by_x + by_y, surface);
+      };
+      if (!round(by_x) && !round(by_y)) return false;
+      n += by_x + by_y;
       next_x += every_x;
       next_y += every_y;
     } else if (next_x < next_y) {
-      if (!passes(x, y, x + sx, y, surface)) return false;
-      x += sx;
+      if (!passes(n, n + by_x, surface)) return false;
+      n += by_x;
       next_x += every_x;
     } else {
-      if (!passes(x, y, x, y + sy, surface)) return false;
-      y += sy;
+      if (!passes(n, n + by_y, surface)) return false;
+      n += by_y;
       next_y += every_y;
     }
   }

@@ -57,8 +57,7 @@ struct Front {
 
   double level = -std::numeric_limits<double>::infinity();
   double filled = 0, keys = 0;  ///< heights raised at this level; sum of the parts' keys
-  double next = std::numeric_limits<double>::infinity();  ///< least level that reaches more
-  double lip = std::numeric_limits<double>::infinity();   ///< least at which a new depth opens
+  double lip = std::numeric_limits<double>::infinity();  ///< least at which a new depth opens
   bool whole = true;        ///< not broken off because it held too much
   bool fits = false;        ///< only grow(): holds what was asked for
   std::vector<Part> parts;  ///< by distance, or as they were reached
@@ -133,7 +132,7 @@ class FrontFinder {
   void over_lips_of(int column, int anchor);
   bool steps_down(int x, int y, int to_x, int to_y, double& edge) const;
   bool sees(int anchor, int x, int y, double level) const;
-  bool passes(int x, int y, int to_x, int to_y, double surface) const;
+  bool passes(int n, int to, double surface) const;
   bool labelled(int column) const {
     return labels_[static_cast<std::size_t>(column)].epoch == epoch_;
   }

@@ -82,11 +82,14 @@ bool Obstacle::blocks(int x, int y, double top) const {
 
 BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles)
     : ground_(&ground) {
-  for (const Obstacle* obstacle : obstacles)
-    if (!obstacle->empty()) masks_.push_back({obstacle, {}});
+  for (const Obstacle* obstacle : obstacles) {
+    if (obstacle->empty()) continue;
+    masks_.push_back({obstacle, {}});
+    over_.extend(obstacle->cells());
+  }
 }
 
-bool BlockedColumns::operator()(const Coord2& cell) {
+bool BlockedColumns::blocks(const Coord2& cell) {
   for (Mask& mask : masks_) {
     const Obstacle& obstacle = *mask.obstacle;
     const Coord2 in = cell - obstacle.first_;

@@ -38,17 +38,19 @@ class BlockedColumns {
  public:
   /// @param ground, obstacles must outlive it
   BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles);
-  bool operator()(const Coord2& cell);
+  bool operator()(const Coord2& cell) { return over_.contains(cell) && blocks(cell); }
 
  private:
   struct Mask {
     const Obstacle* obstacle;
     std::vector<std::uint8_t> blocked;  // over its cells, by x then y; empty: not looked at yet
   };
+  bool blocks(const Coord2& cell);
   void look_at(Mask& mask);
 
   GroundColumns* ground_;
   std::vector<Mask> masks_;
+  Eigen::AlignedBox2i over_;  // around all of them
 };
 
 }  // namespace soilvdb::inline v0

@@ -21,34 +21,53 @@ struct Range {
   std::int32_t lowest, highest;
 };
 
+/// Eight samples at once: they are as wide as a row of voxels.
+constexpr std::size_t kRow = kChunkSide;
+
+SOILVDB_INLINE LaneMask heights_at(const std::int32_t* from) {
+  LaneMask v;
+  __builtin_memcpy(&v, from, sizeof(v));
+  return v;
+}
+
 SOILVDB_FOR_CPUS Range heights_of(const CellPoints& points, float low, const ColumnSurface& surface,
                                   std::uint64_t may, std::int32_t* out) {
-  const float slope = surface.slope, a = surface.a, b = surface.b, up = surface.up;
-  if (surface.cone) {
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const float x = points.x[i] - a, y = points.y[i] - b;
-      const float height = low + points.z[i] - -slope * std::sqrt(x * x + y * y);
-      out[i] = static_cast<std::int32_t>(up * height * kHeightUnits);
+  constexpr LaneMask kBit = {1, 2, 4, 8, 16, 32, 64, 128};
+  constexpr std::int32_t kFirst = std::numeric_limits<std::int32_t>::min();
+  const float slope = surface.slope, a = surface.a, b = surface.b;
+  const float scale = surface.up * kHeightUnits;
+  LaneMask lowest = LaneMask{} + kNever, highest = LaneMask{} + kFirst;
+  for (std::size_t i = 0; i < kSamples; i += kRow, may >>= kRow) {
+    const Lanes x = lanes_at(&points.x[i]), y = lanes_at(&points.y[i]);
+    const Lanes z = lanes_at(&points.z[i]);
+    Lanes above;
+    if (surface.cone) {
+      const Lanes east = x - a, north = y - b;
+      above = low + z - -slope * sqrt(east * east + north * north);
+    } else {
+      above = low + z - (a * x + b * y);
     }
-  } else {
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const float height = low + points.z[i] - (a * points.x[i] + b * points.y[i]);
-      out[i] = static_cast<std::int32_t>(up * height * kHeightUnits);
-    }
+    const LaneMask height = __builtin_convertvector(above * scale, LaneMask);
+    const LaneMask counts = ((LaneMask{} + static_cast<std::int32_t>(may & 0xff)) & kBit) != 0;
+    const LaneMask or_never = counts ? height : LaneMask{} + kNever;
+    const LaneMask or_first = counts ? height : LaneMask{} + kFirst;
+    lowest = lowest < or_never ? lowest : or_never;
+    highest = highest > or_first ? highest : or_first;
+    __builtin_memcpy(out + i, &or_never, sizeof(or_never));
   }
-  std::int32_t lowest = kNever, highest = std::numeric_limits<std::int32_t>::min();
-  for (std::size_t i = 0; i < kSamples; ++i) {
-    const bool counts = (may >> i & 1) != 0;
-    lowest = std::min(lowest, counts ? out[i] : kNever);
-    highest = std::max(highest, counts ? out[i] : std::numeric_limits<std::int32_t>::min());
-    out[i] = counts ? out[i] : kNever;
+  Range range{kNever, kFirst};
+  for (std::size_t k = 0; k < kRow; ++k) {
+    range.lowest = std::min(range.lowest, lowest[k]);
+    range.highest = std::max(range.highest, highest[k]);
   }
-  return {lowest, highest};
+  return range;
 }
 
 SOILVDB_FOR_CPUS int count_up_to(const std::int32_t* heights, std::size_t n, std::int32_t most) {
+  LaneMask counts{};
+  for (std::size_t i = 0; i < n; i += kRow) counts -= heights_at(heights + i) <= most;
   int count = 0;
-  for (std::size_t i = 0; i < n; ++i) count += heights[i] <= most;
+  for (std::size_t k = 0; k < kRow; ++k) count += counts[k];
   return count;
 }
 
@@ -56,8 +75,8 @@ SOILVDB_FOR_CPUS void mark_up_to(const std::int32_t* heights, std::int32_t most,
                                  std::span<std::uint64_t> words) {
   for (std::uint64_t& word : words) {
     word = 0;
-    for (std::size_t i = 0; i < kSamples; ++i, ++heights)
-      word |= std::uint64_t{*heights <= most} << i;
+    for (std::size_t i = 0; i < kSamples; i += kRow, heights += kRow)
+      word |= std::uint64_t{bits(heights_at(heights) <= most)} << i;
   }
 }
 

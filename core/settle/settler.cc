@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -80,20 +81,20 @@ void Settler::look_at(const Coord2& first, const Coord2& size) {
   to.nx = size.x();
   to.ny = size.y();
   to.side_m = 1;
-  for (auto* heights : {&to.height_m, &to.firm_m})
-    heights->assign(static_cast<std::size_t>(to.nx * to.ny), 0);
-  to.rigid.assign(to.height_m.size(), 1);
-  window_.full.assign(to.height_m.size(), 0);
+  const auto n = static_cast<std::size_t>(to.nx * to.ny);
+  to.height_m.resize(n);
+  to.firm_m.resize(n);
+  to.rigid.resize(n);
+  window_.full.resize(n);
   window_.first = first;
   window_.zero = std::numeric_limits<double>::quiet_NaN();
   columns_.each(cells, [&](const Coord2& cell, const GroundColumn& c) {
-    if (!c.known) return;
-    if (std::isnan(window_.zero)) window_.zero = std::floor(c.bank);
     const auto i = static_cast<std::size_t>(to.index(cell.x() - first.x(), cell.y() - first.y()));
-    to.height_m[i] = c.top - window_.zero;
-    to.firm_m[i] = c.bank - window_.zero;
-    to.rigid[i] = walls(cell);
-    window_.full[i] = c.full;
+    if (c.known && std::isnan(window_.zero)) window_.zero = std::floor(c.bank);
+    to.height_m[i] = c.known ? c.top - window_.zero : 0;
+    to.firm_m[i] = c.known ? c.bank - window_.zero : 0;
+    to.rigid[i] = !c.known || walls(cell);
+    window_.full[i] = c.known ? c.full : 0;
   });
 }
 
@@ -103,13 +104,21 @@ void Settler::take_changes(TileSet& may_slide) {
   changes_to_take_.clear();
 }
 
-/// Takes samples out of columns, which are then pending. @return their mass
-std::int64_t Settler::take_out(std::span<const ColumnEdit> changes, bool bank) {
-  const Taken taken = remove_top(ground_, changes, slope_, bank);
-  const std::int64_t mass = taken.loose * units_.loose + taken.bank * units_.bank;
-  totals_.pending += mass;
+/// Takes samples of any soil out of columns, which are then pending.
+void Settler::take_out(std::span<const ColumnEdit> changes) {
+  const Taken taken = remove_top(ground_, changes, slope_);
+  totals_.pending += taken.loose * units_.loose + taken.bank * units_.bank;
   totals_.failed_samples += taken.loose + taken.bank;
-  return mass;
+}
+
+/// The same of loose soil alone, which slides. @return number of samples by column
+std::vector<std::int64_t> Settler::let_slide(std::span<const ColumnEdit> changes) {
+  const std::vector<std::int64_t> by_column = remove_loose(ground_, changes, slope_);
+  const std::int64_t samples = std::accumulate(by_column.begin(), by_column.end(), std::int64_t{0});
+  totals_.pending += samples * units_.loose;
+  totals_.slid += samples * units_.loose;
+  totals_.failed_samples += samples;
+  return by_column;
 }
 
 /// Makes what is pending samples of columns, as many as find room.

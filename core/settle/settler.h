@@ -115,7 +115,8 @@ class Settler {
   void refresh();
   void look_at(const Coord2& first, const Coord2& size);
   BlockedColumns blocked() { return {columns_, walls_}; }
-  std::int64_t take_out(std::span<const ColumnEdit> changes, bool bank);
+  void take_out(std::span<const ColumnEdit> changes);
+  std::vector<std::int64_t> let_slide(std::span<const ColumnEdit> changes);
   void put_in(std::span<const ColumnEdit> changes);
   void lose_off_terrain(double samples);
   int heap_radius(const Vec2& at);

@@ -13,7 +13,7 @@ namespace soilvdb::inline v0 {
 
 /// Makes what is in columns loose: it is taken out, and put back where it falls to.
 void Settler::loosen(Loosening& loosening) {
-  take_out(loosening.from, true);
+  take_out(loosening.from);
   double whole = 0;
   for (const double weight : loosening.weights) whole += weight;
   WholeSamples share(static_cast<double>(totals_.pending / units_.loose) / whole);

@@ -232,15 +232,12 @@ bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
       to.push_back({.cell = cell, .low = (hangs ? c.bank_full : c.full) + 1, .high = high});
     }
   });
-  std::int64_t mass = 0;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const std::int64_t fell = take_out({&from[i], 1}, false);
-    to[i].samples = fell / units_.loose;
-    mass += fell;
-  }
-  totals_.slid += mass;
-  if (mass > 0) put_in(to);
-  return mass > 0;
+  if (from.empty()) return false;
+  std::int64_t fell = 0;
+  const std::vector<std::int64_t> by_column = let_slide(from);
+  for (std::size_t i = 0; i < to.size(); ++i) fell += to[i].samples = by_column[i];
+  if (fell > 0) put_in(to);
+  return fell > 0;
 }
 
 /// Makes what slid samples. @param zero height that the solver's are above
@@ -281,7 +278,7 @@ bool Settler::apply_slide(double zero) {
     rises.push_back(rise);
     all_rises += rise;
   }
-  totals_.slid += take_out(lowered, false);
+  let_slide(lowered);
   WholeSamples share(static_cast<double>(totals_.pending / units_.loose) / all_rises);
   for (std::size_t i = 0; i < raised.size(); ++i) raised[i].samples = share.next(rises[i]);
   put_in(raised);

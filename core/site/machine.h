@@ -104,9 +104,10 @@ class Machine {
   void pass_station(Ground& ground, double time_s, Rest rest);
   void fail();
   void set_wall(const Ground& ground, const Pose& at);
+  double hold_m3(double held_m) const;
   std::int64_t surplus(double held_m) const;
-  void spill(double share = 1);
-  void spill_here(double time_s, double share = 1);
+  void spill(double held_m, double share = 1);
+  void spill_here(double time_s, double held_m, double share = 1);
   std::int64_t begin_update();
   void end_update();
   double held_m() const;
@@ -152,6 +153,7 @@ class Machine {
   std::int64_t in_flight_ = 0;         // spilled and not dropped, units of mass
   std::int64_t heaped_ = 0;            // before the mouth, more than it holds, units of mass
   double held_m_ = 0;                  // held_m() at the last station
+  double hold_gain_ = 0;               // more held there for what dropped, m^3 per m^3
   std::optional<Pose> spilled_from_;   // of the bucket, when in_flight_ began
   double spilled_s_ = 0;               // then
   TileSet may_slide_;                  // where loose soil may be too steep

@@ -114,8 +114,11 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
   const bool stood = wall_.has_value();
   set_wall(ground, at);
   if (stood && !wall_) unsettled_box_ = propped_box_;  // the bucket may have held it up
-  // What drops before the mouth may hold some of the rest in.
-  spill_here(time_s, wall_ && rest == Rest::kSome ? kGroundSpillShare : 1);
+  const bool heaps = wall_ && rest == Rest::kSome;
+  const double before_m = held_m(), before_m3 = heaps ? hold_m3(before_m) : 0;
+  // What drops before the mouth holds some of the rest in.
+  spill_here(time_s, before_m, heaps ? 1 / (1 + hold_gain_) : 1);
+  const std::int64_t dropped = heaps ? pushed_ + in_flight_ : 0;
   drop(ground, time_s, wall_ || rest != Rest::kSome);
   if (rest == Rest::kSome) {
     stations_ = (stations_ + 1) % (kStationsPerRest * kStationsPerSlide);
@@ -129,6 +132,10 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
     }
   }
   held_m_ = held_m();
+  if (dropped > 0) {
+    const double dropped_m3 = ledger_.units.loose_samples(dropped) * ledger_.sample_m3;
+    hold_gain_ = std::clamp((hold_m3(held_m_) - before_m3) / dropped_m3, 0.0, kMaxHoldGain);
+  }
   last_station_ = at;
   swept_box_ = box_around(here);
   cut_before_ = ledger_.cut();
@@ -156,26 +163,32 @@ void Machine::set_wall(const Ground& ground, const Pose& at) {
   obstacle_ = wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle();
 }
 
-/// The part of the load that the bucket can't hold at the present attitude, with ground before its
-/// mouth up to a height above the lip.
+/// What the bucket can hold at the present attitude, with ground before its mouth up to a height
+/// above the lip.
+double Machine::hold_m3(double held_m) const {
+  if (!capacity_) return 0;
+  return capacity_->at(current_.rotation, settler_->slope(), held_m).volume_m3;
+}
+
+/// The part of the load that is more than that.
 std::int64_t Machine::surplus(double held_m) const {
   if (!capacity_ || ledger_.load == 0) return 0;
-  const double hold_m3 = capacity_->at(current_.rotation, settler_->slope(), held_m).volume_m3;
-  const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
+  const double most =
+      hold_m3(held_m) / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
   return std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
 }
 
 /// A share of what the bucket can't hold leaves it, and is then in flight.
-void Machine::spill(double share) {
-  const auto mass = static_cast<std::int64_t>(share * static_cast<double>(surplus(held_m())));
+void Machine::spill(double held_m, double share) {
+  const auto mass = static_cast<std::int64_t>(share * static_cast<double>(surplus(held_m)));
   ledger_.load -= mass;
   ledger_.spilled += mass;
   in_flight_ += mass;
 }
 
 /// Spills, and keeps from where and when that drops.
-void Machine::spill_here(double time_s, double share) {
-  spill(share);
+void Machine::spill_here(double time_s, double held_m, double share) {
+  spill(held_m, share);
   if (in_flight_ == 0 || spilled_from_) return;
   spilled_from_ = current_;
   spilled_s_ = time_s;
@@ -194,7 +207,7 @@ std::int64_t Machine::begin_update() {
 void Machine::end_update() {
   if (settler_ == nullptr) return;
   settler_->take_changes(may_slide_);
-  if (!wall_ && ledger_.cut() == cut_before_) return spill();
+  if (!wall_ && ledger_.cut() == cut_before_) return spill(held_m());
   heaped_ = surplus(std::max(held_m_, held_m()));
   ledger_.load -= heaped_;
 }
@@ -227,7 +240,7 @@ double Machine::held_m() const {
 
 /// Dense rows make as few piles as sparse rows.
 void Machine::pass_turn(Ground& ground, double time_s) {
-  spill_here(time_s);
+  spill_here(time_s, held_m());
   if (!drops_now(ground)) return;
   set_wall(ground, current_);
   drop(ground, time_s, false);
@@ -237,7 +250,7 @@ void Machine::pass_turn(Ground& ground, double time_s) {
 void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!placed_) return;
   if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_);
-  spill_here(time_s);
+  spill_here(time_s, held_m());
   drop(ground, time_s, true);
   held_m_ = held_m();
   if (!wall_) fail();

@@ -24,8 +24,8 @@ void Machine::save(std::string& out) const {
   if (settler_ == nullptr) return;
   put(out, ledger_.load, ledger_.spilled, since_station_m_);
   put(out, standing_.at, standing_.since_s, standing_.ticks);
-  put(out, last_station_, pushed_, in_flight_, heaped_, spilled_s_, cut_before_, stations_,
-      held_m_);
+  put(out, last_station_, pushed_, in_flight_, heaped_, spilled_s_, cut_before_, stations_, held_m_,
+      hold_gain_);
   may_slide_.save(out);
   for (const std::optional<Pose>* pose : {&wall_, &spilled_from_})
     put(out, pose->has_value(), pose->value_or(Pose{}));
@@ -59,12 +59,12 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   require_valid(std::max({ledger_.load, pushed_, in_flight_, heaped_}) <= kMostMass);
   take(in, spilled_s_);
   take_amount(in, cut_before_);
-  take(in, stations_, held_m_);
+  take(in, stations_, held_m_, hold_gain_);
   require_valid(is_valid(standing_.at) && !std::isnan(standing_.since_s) &&
                 is_valid(last_station_) && since_station_m_ >= 0 &&
                 since_station_m_ <= station_spacing_m(ground) && stations_ >= 0 &&
                 stations_ < kStationsPerRest * kStationsPerSlide && held_m_ >= 0 &&
-                held_m_ <= 2 * bucket_.height_m);
+                held_m_ <= 2 * bucket_.height_m && hold_gain_ >= 0 && hold_gain_ <= kMaxHoldGain);
   may_slide_.load(in);
   for (std::optional<Pose>* pose : {&wall_, &spilled_from_}) {
     bool there = false;

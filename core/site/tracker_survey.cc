@@ -206,7 +206,7 @@ SurveyedSamples& Tracker::own_samples() {
 void Tracker::lower(std::span<const ColumnEdit> edits) {
   if (edits.empty()) return;
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
-  const Taken taken = remove_top(ground_, edits, 0, true, booked_to(own_samples(), -1));
+  const Taken taken = remove_top(ground_, edits, 0, booked_to(own_samples(), -1));
   surveyed_.removed += taken.bank + taken.loose;
   surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
 }

@@ -720,7 +720,7 @@ TEST_F(Program, SaysThatARecordingOfAnotherFormatIsNotGoneOnWith) {
   io::begin_journal(folder() / "site/journal", {"\xa1\x67session\x01"});
   const auto verified = run("verify site");
   EXPECT_EQ(verified.status, 1);
-  EXPECT_NE(verified.err.find("is a recording of format 1; this version goes on with format 3"),
+  EXPECT_NE(verified.err.find("is a recording of format 1; this version goes on with format 4"),
             std::string::npos)
       << verified.err;
   EXPECT_EQ(verified.err.find("from which"), std::string::npos) << verified.err;

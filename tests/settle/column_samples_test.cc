@@ -171,7 +171,13 @@ TEST(ColumnSamples, RemovesExactlySoManyFromEachColumnAndTheHighest) {
     const bool bank = seed % 2 == 0;
     RoughGround rough(seed);
     const auto changes = random_changes(random, seed % 3 == 0 ? 2000 : 300);
-    const Taken taken = remove_top(rough.ground, changes, kSlope, bank);
+    Taken taken;
+    std::vector<std::int64_t> by_column;
+    if (bank)
+      taken = remove_top(rough.ground, changes, kSlope);
+    else
+      by_column = remove_loose(rough.ground, changes, kSlope);
+    for (const std::int64_t samples : by_column) taken.loose += samples;
     const Sets after = sets_of(rough.ground, false), loose = sets_of(rough.ground, true);
     Taken expected;
     for (const ColumnEdit& change : changes) {
@@ -190,6 +196,9 @@ TEST(ColumnSamples, RemovesExactlySoManyFromEachColumnAndTheHighest) {
         }
       }
       EXPECT_EQ(gone, std::min(there, change.samples));
+      if (!bank) {
+        EXPECT_EQ(by_column[static_cast<std::size_t>(&change - changes.data())], gone);
+      }
       EXPECT_GE(lowest, highest_left - kRounding);
     }
     EXPECT_EQ(taken.bank, expected.bank);
@@ -211,7 +220,7 @@ TEST(ColumnSamples, AreTheSameInAnyOrderAndOnAnyNumberOfThreads) {
       for (int run = 0; run < 2; ++run) {
         RoughGround rough(seed);
         add_samples(rough.ground, changes, kSlope, true);
-        remove_top(rough.ground, fewer, kSlope, true);
+        remove_top(rough.ground, fewer, kSlope);
         if (hash == 0) hash = rough.ground.state_hash();
         EXPECT_EQ(rough.ground.state_hash(), hash);
         std::shuffle(changes.begin(), changes.end(), random);
@@ -225,7 +234,7 @@ TEST(ColumnSamples, StayWithoutChanges) {
   RoughGround rough(1);
   const std::uint64_t hash = rough.ground.state_hash();
   EXPECT_EQ(add_samples(rough.ground, {}, kSlope, true), 0);
-  EXPECT_EQ(remove_top(rough.ground, {}, kSlope, true).bank, 0);
+  EXPECT_EQ(remove_top(rough.ground, {}, kSlope).bank, 0);
   EXPECT_EQ(rough.ground.state_hash(), hash);
 }
 

@@ -154,7 +154,7 @@ struct Roof {
       below.push_back({.cell = cell, .low = 0, .high = gap - 1, .samples = 64 * gap});
     });
     add_samples(ground, heap, kSlope, true);
-    remove_top(ground, below, kSlope, false);
+    remove_loose(ground, below, kSlope);
   }
   std::int64_t at_height(int z) const {
     std::int64_t samples = 0;
@@ -297,13 +297,13 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
       hollow.push_back(ColumnEdit::all(cell, -4 - depth, -5));
       if (rim) slot.push_back(ColumnEdit::all(cell, -4, 0));
     });
-    remove_top(ground, hollow, kSlope, true);
+    remove_top(ground, hollow, kSlope);
     const auto box = [](double low) {
       return Eigen::AlignedBox3d(Vec3(-0.7, -0.7, low), Vec3(0.7, 0.7, 0));
     };
     settle(settler, box(-0.4 - kVoxel * depth));
     EXPECT_EQ(settler.totals().failed_samples, 0) << "it hangs on the ground around";
-    remove_top(ground, slot, kSlope, true);
+    remove_top(ground, slot, kSlope);
     settle(settler, box(-0.4));
     const GroundWindow window(ground, {-5, -5}, 11, 11);
     // It lies on the hollow's floor, swollen, or slid into the slot.
@@ -323,7 +323,7 @@ TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
       // On one side there is no slot, and the ground is as it was.
       if (cell.dot(side) != 4) cut.push_back(ColumnEdit::all(cell, -8, rim ? 0 : -5));
     });
-    remove_top(ground, cut, kSlope, true);
+    remove_top(ground, cut, kSlope);
     const std::uint64_t before = ground.state_hash();
     settle(settler, {Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)});
     EXPECT_EQ(settler.totals().failed_samples, 0) << dx << ' ' << dy;
@@ -341,7 +341,7 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
     each_column(6, [&](const Coord2& cell, bool rim) {
       cut.push_back(ColumnEdit::all(cell, -7, rim ? 0 : -4));
     });
-    remove_top(ground, cut, kSlope, true);
+    remove_top(ground, cut, kSlope);
     if (swapped) {
       ground.set_memory_limit(1, std::make_shared<io::SwapFile>(folder.path()));
       EXPECT_THROW(ground.evict(), std::runtime_error);
@@ -363,8 +363,8 @@ TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
       if (!rim) above.push_back(ColumnEdit::all(cell, z + 1, 0));
       below.push_back(ColumnEdit::all(cell, -30, rim ? 0 : z - 1));
     });
-    remove_top(ground, below, kSlope, true);
-    remove_top(ground, above, kSlope, true);
+    remove_top(ground, below, kSlope);
+    remove_top(ground, above, kSlope);
     const double low_m = kVoxel * z;
     settle(settler, {Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)});
     EXPECT_GE(settler.totals().failed_samples, 11 * 11 * 64) << z;

@@ -350,7 +350,7 @@ void hollow(Ground& ground, const Coord3& low, const Coord3& high) {
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
       out.push_back(ColumnEdit::all({x, y}, low.z(), high.z()));
-  remove_top(ground, out, kSlope, true);
+  remove_top(ground, out, kSlope);
 }
 
 class Overhangs : public ::testing::Test {

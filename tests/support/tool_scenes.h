@@ -113,6 +113,23 @@ inline Bucket blade(double width_m, double height_m) {
           {}};
 }
 
+/// Height of the ridge before a blade that was pushed some way, m. It gains what is cut, and loses
+/// at each end what stands beside the blade as it passes: the section of a slope of repose.
+/// @param swell loose volume over bank volume
+inline double pushed_height_m(double width_m, double depth_m, double way_m, double slope,
+                              double swell) {
+  constexpr double kStep_m = 1e-4;
+  double height_m = kStep_m;
+  for (double at_m = 0; at_m < way_m; at_m += kStep_m) {
+    const double gain_m2 = width_m * depth_m * swell - height_m * height_m / slope;
+    // A prism as wide as the blade, and a quarter of a cone before each of its ends.
+    const double area_m2 =
+        width_m * height_m / slope + std::numbers::pi * height_m * height_m / (2 * slope * slope);
+    height_m += kStep_m * gain_m2 / area_m2;
+  }
+  return height_m;
+}
+
 /// One machine whose bucket is a tool, and its ground.
 struct ToolSite {
   Bucket bucket;

@@ -28,7 +28,7 @@ std::vector<std::filesystem::path> input_files(const io::Scenario& scenario);
 /// after the dug part may change, see check_motion_unchanged().
 std::string to_bytes(const RunConfig& config, const io::Scenario& scenario);
 
-inline constexpr int kRecordFormat = 3;  ///< states of format 2 had other members
+inline constexpr int kRecordFormat = 4;  ///< states of format 3 had other members
 
 /// Is it the configuration of a session's recording (Session::record)?
 bool is_of_session(const std::string& bytes);
