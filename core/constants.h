@@ -358,6 +358,8 @@ inline constexpr int kFaceColumns = 3;
 inline constexpr int kGapColumns = 3;
 /// Planes that are tried through each column where the ground falls off behind a cut.
 inline constexpr int kSlicePlanes = 4;
+/// Number of feet from which on threads share them. With a smaller one few feet wait for threads.
+inline constexpr std::size_t kParallelFeet = 64;
 /// Fall from one column to the next from which on the ground falls off there, sides.
 inline constexpr double kFallOff = 1;
 /// Share of the bank's cohesion from which on a slice fails together with a failing one. Slices at

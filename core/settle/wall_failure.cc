@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/settle/wall_failure.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <bitset>
@@ -215,6 +217,26 @@ void turn_towards(const std::optional<int>& face, const std::optional<int>& besi
     across.set(static_cast<std::size_t>((*face + (turn > 0 ? k : n - k)) % n));
 }
 
+/// A column at the foot of a cut, and the weakest planes through it.
+struct Foot {
+  Coord2 at = Coord2::Zero();
+  Directions across = {};
+  int most = 0;  ///< columns that a plane may go through
+  std::vector<std::pair<std::size_t, FailurePlane>> planes;  ///< by number of the direction
+  bool fails = false, at_border = false;
+
+  void find_planes(const Columns& ground, const BankStrength& strength) {
+    for (std::size_t i = 0; i < kSliceDirections; ++i) {
+      if (!across[i]) continue;
+      Slice slice(ground, at.x(), at.y(), directions()[i], strength);
+      const auto plane = slice.weakest(most, at_border);
+      if (!plane) continue;
+      planes.emplace_back(i, *plane);
+      fails = fails || plane->cohesion > strength.cohesion;
+    }
+  }
+};
+
 /// What stands between columns that fail, or that failed before and bear loose soil.
 class Gaps {
  public:
@@ -296,8 +318,18 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
     const int far = static_cast<int>(plane.end) + 1;
     // Of the foot's column as seen along the slice: those of a cut that runs askew leave no gaps.
     const double half_width = (std::abs(direction.x()) + std::abs(direction.y())) / 2;
+    const double widest = std::max(half_width, plane.end * std::tan(kHalfSector));
     for (int i = std::max(0, x - far); i <= std::min(ground.nx - 1, x + far); ++i) {
-      for (int j = std::max(0, y - far); j <= std::min(ground.ny - 1, y + far); ++j) {
+      int first = std::max(0, y - far), last = std::min(ground.ny - 1, y + far);
+      const double across = (i - x) * direction.y();
+      if (std::abs(direction.x()) > 0.5) {  // only where it is near enough to the slice
+        const double middle = across / direction.x(), wide = widest / std::abs(direction.x());
+        first = std::max(first, y + static_cast<int>(std::floor(middle - wide)));
+        last = std::min(last, y + static_cast<int>(std::ceil(middle + wide)));
+      } else if (std::abs(across) > widest + far * std::abs(direction.x())) {
+        continue;
+      }
+      for (int j = first; j <= last; ++j) {
         const Vec2 to(i - x, j - y);
         const double along = to.dot(direction);
         const double aside = std::abs(direction.x() * to.y() - direction.y() * to.x());
@@ -326,33 +358,37 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
     const bool has = (in.array() >= 0).all() && (in.array() < size.array()).all();
     return has ? &faces[static_cast<std::size_t>(in.x() * size.y() + in.y())] : nullptr;
   };
+  const auto each = [](std::size_t count, const auto& f) {
+    if (count >= kParallelFeet) return tbb::parallel_for(std::size_t{0}, count, f);
+    for (std::size_t n = 0; n < count; ++n) f(n);
+  };
+  std::vector<Coord2> rising;
   for (int x = feet.min().x(); x <= feet.max().x(); ++x)
     for (int y = feet.min().y(); y <= feet.max().y(); ++y)
-      if (ground.open(x, y) && rises(x, y)) *of_foot(x, y) = across_face(ground, x, y, strength);
-  std::vector<std::pair<std::size_t, FailurePlane>> planes;
-  for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
-    for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
-      Directions across;
-      for (int i = x - 1; i <= x + 1; ++i)
-        for (int j = y - 1; j <= y + 1; ++j)
-          if (const auto* beside = of_foot(i, j)) turn_towards(*of_foot(x, y), *beside, across);
-      if (across.none()) continue;
-      const int most = static_cast<int>(kMaxPlaneDepths * dug(x, y));
-      planes.clear();
-      bool fails = false;
-      for (std::size_t i = 0; i < kSliceDirections; ++i) {
-        if (!across[i]) continue;
-        Slice slice(ground, x, y, directions()[i], strength);
-        const auto plane = slice.weakest(most, failure.at_border);
-        if (!plane) continue;
-        planes.emplace_back(i, *plane);
-        fails = fails || plane->cohesion > strength.cohesion;
-      }
-      // Slices at different angles to a cut need the same but for what columns err by.
-      for (const auto& [direction, plane] : planes)
-        if (fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
-          lower(x, y, directions()[direction], plane);
-    }
+      if (ground.open(x, y) && rises(x, y)) rising.emplace_back(x, y);
+  each(rising.size(), [&](std::size_t n) {
+    const Coord2& at = rising[n];
+    *of_foot(at.x(), at.y()) = across_face(ground, at.x(), at.y(), strength);
+  });
+  std::vector<Foot> all;
+  for (const Coord2& at : rising) {
+    Foot foot;
+    foot.at = at;
+    for (int i = at.x() - 1; i <= at.x() + 1; ++i)
+      for (int j = at.y() - 1; j <= at.y() + 1; ++j)
+        if (const auto* beside = of_foot(i, j))
+          turn_towards(*of_foot(at.x(), at.y()), *beside, foot.across);
+    if (foot.across.none()) continue;
+    foot.most = static_cast<int>(kMaxPlaneDepths * dug(at.x(), at.y()));
+    all.push_back(std::move(foot));
+  }
+  each(all.size(), [&](std::size_t n) { all[n].find_planes(ground, strength); });
+  for (const Foot& foot : all) {
+    failure.at_border = failure.at_border || foot.at_border;
+    // Slices at different angles to a cut need the same but for what columns err by.
+    for (const auto& [direction, plane] : foot.planes)
+      if (foot.fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
+        lower(foot.at.x(), foot.at.y(), directions()[direction], plane);
   }
   if (!failure.failed.isEmpty()) close_gaps(ground, failure);
   return failure;
