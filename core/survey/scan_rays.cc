@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What each ray of a scan says: of the column that it was to meet, or that the ground is another.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -159,6 +160,75 @@ SOILVDB_FOR_CPUS void find_places(const ColumnsAbout& columns, const float* x, c
   }
 }
 
+/// What rays at a time say of the columns that they were to meet.
+struct Meetings {
+  template <typename T>
+  using Values = std::array<T, kRaysAtOnce>;
+
+  Values<float> slope_x, slope_y;  // of the ground that they were to meet
+  Values<std::int32_t> is_met;     // as of Meeting
+  Values<float> sigma;             // of their lengths, m
+  Values<float> x, y, z;           // where they were to meet it, z by the slope, m
+  Values<float> doubt;             // of their residuals squared, what their noise does not explain
+  Values<std::int64_t> weight, residual, lever_x, lever_y, lever_z;  // as ScanSums has them
+  Values<std::int64_t> area;  // in plan, that they stand for on level ground
+};
+enum Meeting : std::int32_t { kMissed, kTooFlat, kMet };
+
+/// As std::lrint(), but for many at once, of less than 2^51.
+inline std::int64_t rounded(double value) {
+  constexpr double kUnits = 0x1.8p52;  // to which a double of this size is rounded
+  return static_cast<std::int64_t>(std::bit_cast<std::uint64_t>(value + kUnits) -
+                                   std::bit_cast<std::uint64_t>(kUnits));
+}
+
+/// How far a ray ends from where it was to meet the ground, and what it weighs.
+/// @param gate_m besides three sigmas of its noise
+SOILVDB_FOR_CPUS void measure(const RangeNoise& noise, float gate_m, const float* xs,
+                              const float* ys, const float* zs, const float* lengths,
+                              const float* ranges, std::size_t count, Meetings& out) {
+  const auto sigma_m = static_cast<float>(noise.sigma_m);
+  const auto squared_per_m = static_cast<float>(noise.squared_per_m);
+  std::array<float, kRaysAtOnce> residuals, errors, areas;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float length = lengths[i], range = ranges[i], z = zs[i];
+    const float x = range * xs[i], y = range * ys[i];
+    const float a = out.slope_x[i], b = out.slope_y[i];
+    const float sigma = sigma_m + squared_per_m * length * length;
+    const float descent = z - (a * xs[i] + b * ys[i]), off = length - range;
+    constexpr auto kWall = static_cast<float>(kScanWallSlope * kScanWallSlope);
+    const bool is_flat = (descent > -static_cast<float>(kLeastDescent)) | (a * a + b * b >= kWall);
+    const float residual = off * descent;
+    const float error = sigma * std::abs(descent) + static_cast<float>(kScanErrorM);
+    const bool is_about = std::abs(off) < 3 * sigma + static_cast<float>(kWallGateM);
+    const bool is_near = std::abs(residual) < 3 * error + gate_m;
+    const std::int32_t flat = is_about ? kTooFlat : kMissed, other = is_near ? kMet : kMissed;
+    out.is_met[i] = is_flat ? flat : other;
+    out.sigma[i] = sigma;
+    out.x[i] = x;
+    out.y[i] = y;
+    out.z[i] = range * descent;
+    out.doubt[i] = residual * residual - 9 * error * error;
+    residuals[i] = residual;
+    errors[i] = 1 / (error * error);
+    areas[i] = static_cast<float>(kScanArea) * length * length /
+               std::max(std::abs(z), static_cast<float>(kLeastDescent));
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const double residual = residuals[i];
+    out.residual[i] =
+        rounded(std::min(std::max(residual, -kMostScanHeightM), kMostScanHeightM) * kScanUnitsPerM);
+  }
+  for (std::size_t i = 0; i < count; ++i)
+    out.weight[i] = rounded(std::max(1.0, static_cast<double>(errors[i])));
+  for (std::size_t i = 0; i < count; ++i) out.area[i] = rounded(static_cast<double>(areas[i]));
+  for (std::size_t i = 0; i < count; ++i) {
+    out.lever_x[i] = rounded(static_cast<double>(out.x[i]) * kScanLeversPerM);
+    out.lever_y[i] = rounded(static_cast<double>(out.y[i]) * kScanLeversPerM);
+    out.lever_z[i] = rounded(static_cast<double>(out.z[i]) * kScanLeversPerM);
+  }
+}
+
 /// Takes the rays of a scan. Coordinates are from the sensor, m.
 class Rays {
  public:
@@ -184,13 +254,16 @@ class Rays {
 
   /// @param ranges to the ground as it is expected, m
   void take(const ScanRays& rays, std::span<const float> ranges) {
+    const float gate = std::max(static_cast<float>(kScanGateM), h_);
     for (std::size_t begin = 0; begin < rays.count(); begin += kRaysAtOnce) {
       const std::size_t count = std::min(kRaysAtOnce, rays.count() - begin);
-      const float *const x = &rays.x[begin], *const y = &rays.y[begin];
-      find_places(columns_, x, y, &ranges[begin], count, met_);
-      find_places(columns_, x, y, &rays.length_m[begin], count, ends_);
-      for (std::size_t i = 0; i < count; ++i)
-        take({i, x[i], y[i], rays.z[begin + i], rays.length_m[begin + i]}, ranges[begin + i]);
+      const float *const x = &rays.x[begin], *const y = &rays.y[begin], *const z = &rays.z[begin];
+      const float *const length = &rays.length_m[begin], *const range = &ranges[begin];
+      find_places(columns_, x, y, range, count, met_);
+      find_places(columns_, x, y, length, count, ends_);
+      for (std::size_t i = 0; i < count; ++i) find_ground(i, range[i]);
+      measure(model_.noise, gate, x, y, z, length, range, count, meetings_);
+      for (std::size_t i = 0; i < count; ++i) take({i, x[i], y[i], z[i], length[i]}, range[i]);
     }
   }
 
@@ -211,14 +284,14 @@ class Rays {
   };
 
   void take(const Ray& ray, float range) {
-    const float sigma = model_.sigma(ray.length);
+    const float sigma = meetings_.sigma[ray.number];
     RayCounts& rays = state_.rays;
     if (range == 0 || !is_near_) {  // the sensor is below the ground
       ++rays.dropped;
       return;
     }
     if (std::isfinite(range)) {
-      if (meet(ray, range, sigma)) {
+      if (meet(ray)) {
         ++rays.used;
         return;
       }
@@ -256,54 +329,71 @@ class Rays {
   }
   /// How a height that a ray measures errs with its sensor's mount. @param arm from the sensor, m
   static std::array<std::int64_t, 4> sees(float x, float y, float along) {
-    return {1000, levers(x), levers(y), levers(along)};
+    return {kScanHeightLever, levers(x), levers(y), levers(along)};
   }
+  static constexpr std::int64_t kScanHeightLever = 1000;
   static_assert(kScanLever_m == 1e-3);
-  /// Area in plan that a ray stands for, on level ground.
-  static std::int64_t area_of(const Ray& ray) {
-    return std::lrint(static_cast<float>(kScanArea) * ray.length * ray.length /
-                      std::max(std::abs(ray.z), static_cast<float>(kLeastDescent)));
-  }
   /// Of a height from the sensor above a column's first.
   double above(const ScanColumn& column, float z) const {
     return static_cast<double>(z) - (level_ + static_cast<double>(h_) * column.first);
   }
 
-  /// Did a ray end about where it was to meet the ground? Tells the column there.
-  bool meet(const Ray& ray, float range, float sigma) {
-    Place met;
-    if (!find(met_, ray.number, met)) return false;
-    ScanColumn& column = met.column();
-    if (std::isnan(column.top)) return false;
-    const float x = range * ray.x, y = range * ray.y;
+  /// Columns are many and stand far apart: those of rays to come are on their way meanwhile.
+  void fetch_end(std::size_t number) const {
+    const int near = ends_.tile[number];
+    if (near < 0) return;
+    const ScanTile* tile = near_[static_cast<std::size_t>(near)].tile;
+    if (tile == nullptr) return;
+    const ScanColumn& column = tile->columns[static_cast<std::size_t>(ends_.column[number])];
+    __builtin_prefetch(&column.first);
+    __builtin_prefetch(&column.cells.areas[static_cast<std::size_t>(ends_.quarter[number])], 1);
+    __builtin_prefetch(&column.height, 1);
+  }
+
+  /// The column that a ray was to meet, and its slope.
+  void find_ground(std::size_t number, float range) {
+    Place& met = grounds_[number];
+    met.slot = nullptr;
+    meetings_.slope_x[number] = meetings_.slope_y[number] = 0;
+    if (!is_near_ || range == 0 || !std::isfinite(range)) return;
+    if (!find(met_, number, met) || std::isnan(met.column().top)) {
+      met.slot = nullptr;
+      return;
+    }
+    if (met.slot->sums != nullptr) __builtin_prefetch(&(*met.slot->sums)[met.i], 1);
+    fetch_end(number);
     const Vec2& slope = met.slot->tile->slopes[met.i];
-    const auto a = static_cast<float>(slope.x()), b = static_cast<float>(slope.y());
-    const float descent = ray.z - (a * ray.x + b * ray.y), off = ray.length - range;
-    constexpr auto kWall = static_cast<float>(kScanWallSlope * kScanWallSlope);
+    meetings_.slope_x[number] = static_cast<float>(slope.x());
+    meetings_.slope_y[number] = static_cast<float>(slope.y());
+  }
+
+  /// Did a ray end about where it was to meet the ground? Tells the column there.
+  bool meet(const Ray& ray) {
+    const std::size_t n = ray.number;
+    const Meetings& m = meetings_;
+    const Place& met = grounds_[n];
+    if (met.slot == nullptr || m.is_met[n] == kMissed) return false;
     Place end;
-    if (descent > -static_cast<float>(kLeastDescent) || a * a + b * b >= kWall) {
-      if (!(std::abs(off) < 3 * sigma + static_cast<float>(kWallGateM))) return false;
-      if (find(ends_, ray.number, end)) ++end.column().blind;
+    if (m.is_met[n] == kTooFlat) {
+      if (find(ends_, n, end)) ++end.column().blind;
       return true;
     }
-    const float residual = off * descent, z = range * descent;
-    const float error = sigma * std::abs(descent) + static_cast<float>(kScanErrorM);
-    if (std::abs(residual) >= 3 * error + std::max(static_cast<float>(kScanGateM), h_))
+    const float x = m.x[n], y = m.y[n], z = m.z[n], doubt = m.doubt[n];
+    if (doubt >= 0 &&
+        doubt >= 9 * (static_cast<float>(state_.expected_variance(*met.slot->tile, met.i)) +
+                      mount_[0] + mount_[1] * (x * x + y * y) + mount_[2] * z * z))
       return false;
-    const float own = residual * residual - 9 * error * error;
-    if (own >= 0 &&
-        own >= 9 * (static_cast<float>(state_.expected_variance(*met.slot->tile, met.i)) +
-                    mount_[0] + mount_[1] * (x * x + y * y) + mount_[2] * z * z))
-      return false;
-    std::int64_t r = height_units(static_cast<double>(residual));
+    ScanColumn& column = met.column();
+    std::int64_t r = m.residual[n];
     if (column.top != column.first)
       r += height_units((column.top - column.first) * state_.voxel_m());
     if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
-    (*met.slot->sums)[met.i].add(ray_weight(error), r, sees(x, y, z));
+    (*met.slot->sums)[met.i].add(m.weight[n], r,
+                                 {kScanHeightLever, m.lever_x[n], m.lever_y[n], m.lever_z[n]});
     ++column.rays;
-    if (find(ends_, ray.number, end)) {
+    if (find(ends_, n, end)) {
       ScanColumn& in = end.column();
-      in.cells.add(end.quarter, area_of(ray));
+      in.cells.add(end.quarter, m.area[n]);
       if (!std::isnan(in.first)) in.height += height_units(above(in, ray.length * ray.z));
     }
     return true;
@@ -319,7 +409,7 @@ class Rays {
     const int bin = static_cast<int>(std::floor(height / kScanBinM));
     ScanHits& hits = end.slot->tile->votes[static_cast<int>(end.i)].hits[bin][number_];
     ++hits.rays;
-    hits.cells.add(end.quarter, area_of(ray));
+    hits.cells.add(end.quarter, meetings_.area[ray.number]);
     hits.height += height_units(height);
     hits.sums.add(ray_weight(sigma * std::abs(ray.z) + static_cast<float>(kScanErrorM)), 0,
                   sees(x, y, z));
@@ -337,6 +427,8 @@ class Rays {
   ColumnsAbout columns_;   // from there
   double level_ = 0;       // of index space, from the sensor, m
   Places met_, ends_;      // of rays at a time: where they were to meet the ground, and ended
+  std::array<Place, kRaysAtOnce> grounds_;  // columns that they were to meet, if there is ground
+  Meetings meetings_;
   std::vector<Slot> near_ = std::vector<Slot>(std::size_t{kTilesAbout} * kTilesAbout);
   std::unordered_map<std::uint64_t, Slot, PlanHash> far_;
 };
