@@ -22,6 +22,8 @@ constexpr float kBorder = 1e-3f;
 constexpr int kNextTo = 2;
 /// In place of a quad with a corner that has no ground. Rays that may meet it are cast.
 constexpr std::int32_t kRagged = -1;
+/// In place of the next quad: the ray met the last one.
+constexpr std::int32_t kArrived = -2;
 /// A quad is the number of its first column along x, then along y.
 constexpr int kQuadBits = 10, kQuadMask = (1 << kQuadBits) - 1;
 /// Ground nearer than this is not drawn, cells; and room to the ground about a place that needs
@@ -61,6 +63,79 @@ SOILVDB_FOR_CPUS void find(const float* xs, const float* ys, const float* zs, st
     const int b = static_cast<int>(std::clamp((v / w + 1) * half - 0.5f, 0.0f, last));
     const int number = face << (2 * kPixelBits) | a << kPixelBits | b;
     out[i] = z >= side ? -1 : number;
+  }
+}
+
+/// What rays at a time see, and where they are on their way.
+struct Sights {
+  static constexpr std::size_t kRaysAtOnce = 256;
+  template <typename T>
+  using Values = std::array<T, kRaysAtOnce>;
+
+  std::array<Values<float>, 4> nearness;  // of the four pixels about each
+  std::array<Values<std::int32_t>, 4> quads;
+  Values<std::int32_t> quad;             // the one that it sees; kRagged: it is cast
+  std::array<Values<float>, 4> heights;  // of that one's corners
+  Values<float> t;                       // along the ray, cells
+  Values<std::int32_t> next;             // where it goes on; kArrived: it meets that quad
+};
+
+/// Finds what the four pixels about each ray see.
+SOILVDB_FOR_CPUS void find_quads(const float* xs, const float* ys, const float* zs,
+                                 std::size_t count, Sights& sights) {
+  for (std::size_t i = 0; i < count; ++i) {
+    // From the nearest, so that nothing before the others is passed by.
+    float nearness = sights.nearness[0][i];
+    std::int32_t quad = sights.quads[0][i];
+    for (std::size_t n = 1; n < 4; ++n) {
+      const bool is_nearer = sights.nearness[n][i] > nearness;
+      quad = is_nearer ? sights.quads[n][i] : quad;
+      nearness = is_nearer ? sights.nearness[n][i] : nearness;
+    }
+    const int qx = quad >> kQuadBits, qy = quad & kQuadMask;
+    // Where the four see one surface, bumps of less than a pixel alone are hidden between them.
+    bool is_one = true;
+    for (std::size_t n = 0; n < 4; ++n) {
+      const std::int32_t other = sights.quads[n][i];
+      const int x = (other >> kQuadBits) - qx, y = (other & kQuadMask) - qy;
+      is_one &= (other >= 0) & (x <= kNextTo) & (-x <= kNextTo) & (y <= kNextTo) & (-y <= kNextTo);
+    }
+    const float wide = std::max(std::abs(xs[i]), std::abs(ys[i]));
+    sights.t[i] = 1 / (nearness * std::max(wide, -zs[i]));
+    sights.quad[i] = is_one ? quad : kRagged;
+  }
+}
+
+/// Takes rays to the quads that they see. @param from the place, cells
+/// @param last of columns that have quads
+SOILVDB_FOR_CPUS void meet_quads(const std::array<float, 3>& from, int last, const float* xs,
+                                 const float* ys, const float* zs, std::size_t count,
+                                 Sights& sights) {
+  const float from_x = from[0], from_y = from[1], from_z = from[2];
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t quad = sights.quad[i];
+    const int qx = quad >> kQuadBits, qy = quad & kQuadMask;
+    const float z = sights.heights[0][i], far_z = sights.heights[2][i];
+    const float dx = xs[i], dy = ys[i], dz = zs[i], t = sights.t[i];
+    const float x = from_x + t * dx - static_cast<float>(qx);
+    const float y = from_y + t * dy - static_cast<float>(qy);
+    const float a = far_z - z, b = sights.heights[1][i] - z;
+    const float twist = sights.heights[3][i] - far_z - b;
+    const float gap = from_z + t * dz - (z + a * x + (b + twist * x) * y);
+    const float rate = dz - (a * dx + b * dy + twist * (x * dy + y * dx));
+    const float square = rate * rate + 4 * twist * dx * dy * gap;
+    const float step = 2 * gap / (std::sqrt(square) - rate);
+    const float in_x = x + step * dx, in_y = y + step * dy;
+    const int next_x = (in_x > 1 + kBorder ? 1 : 0) - (in_x < -kBorder ? 1 : 0);
+    const int next_y = (in_y > 1 + kBorder ? 1 : 0) - (in_y < -kBorder ? 1 : 0);
+    const int to_x = qx + next_x, to_y = qy + next_y;
+    const bool is_in = (to_x >= 0) & (to_y >= 0) & (to_x <= last) & (to_y <= last);
+    const std::int32_t beside = is_in ? to_x << kQuadBits | to_y : kRagged;
+    const std::int32_t met = t + step > 0 ? kArrived : kRagged;
+    const std::int32_t next = (next_x | next_y) == 0 ? met : beside;
+    sights.t[i] = t + step;
+    const bool may_meet = (quad >= 0) & (rate < 0) & (square >= 0);
+    sights.next[i] = may_meet ? next : kRagged;
   }
 }
 
@@ -302,57 +377,74 @@ void GroundView::find_pixels(const ScanRays& rays) {
 
 /// Follows rays from the quads of their pixels; NaN where these do not meet them.
 void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
-  constexpr int kMask = (1 << kPixelBits) - 1;
   const auto h = static_cast<float>(ground_.voxel_size_m());
-  for (std::size_t i = 0; i < rays.count(); ++i) {
-    ranges_m[i] = kNotMet;
-    const std::int32_t number = pixels_[i];
+  constexpr int kMask = (1 << kPixelBits) - 1;
+  const auto face_of = [&](std::size_t i) { return pixels_[i] >> (2 * kPixelBits); };
+  Sights sights;
+  for (std::size_t begin = 0, end = 0; begin < rays.count(); begin = end) {
+    const std::int32_t number = face_of(begin);
+    const std::size_t most = std::min(rays.count(), begin + Sights::kRaysAtOnce);
+    for (end = begin + 1; end < most && face_of(end) == number;) ++end;
     if (number < 0) continue;
-    const Face& face = faces_[static_cast<std::size_t>(number >> (2 * kPixelBits))];
-    const int u = (number >> kPixelBits & kMask) - face.low.x(),
-              v = (number & kMask) - face.low.y();
-    const int row = face.end.y() - face.low.y();
-    const Pixel* const pixels = &face.pixels[static_cast<std::size_t>(u * row + v)];
-    // From the nearest, so that nothing before the others is passed by.
-    Pixel pixel = pixels[0];
-    for (const Pixel& other : {pixels[1], pixels[row], pixels[row + 1]})
-      if (other.nearness > pixel.nearness) pixel = other;
-    if (pixel.quad < 0) continue;
-    int qx = pixel.quad >> kQuadBits, qy = pixel.quad & kQuadMask;
-    // Where the four see one surface, bumps of less than a pixel alone are hidden between them.
-    bool is_one = true;
-    for (const std::int32_t other :
-         {pixels[0].quad, pixels[1].quad, pixels[row].quad, pixels[row + 1].quad})
-      is_one &= other >= 0 && std::abs((other >> kQuadBits) - qx) <= kNextTo &&
-                std::abs((other & kQuadMask) - qy) <= kNextTo;
-    if (!is_one) continue;
-    const float dx = rays.x[i], dy = rays.y[i], dz = rays.z[i];
-    const float along = std::max({std::abs(dx), std::abs(dy), -dz});
-    float t = 1 / (pixel.nearness * along);
-    for (int n = 0; n <= kNeighbours; ++n) {
-      const float* const z = &heights_[static_cast<std::size_t>(qx * kSide + qy)];
-      const float x = at_[0] + t * dx - static_cast<float>(qx);
-      const float y = at_[1] + t * dy - static_cast<float>(qy);
-      const float a = z[kSide] - z[0], b = z[1] - z[0], twist = z[kSide + 1] - z[kSide] - b;
-      const float gap = at_[2] + t * dz - (z[0] + a * x + (b + twist * x) * y);
-      const float rate = dz - (a * dx + b * dy + twist * (x * dy + y * dx));
-      const float square = rate * rate + 4 * twist * dx * dy * gap;
-      if (!(rate < 0) || !(square >= 0)) break;
-      const float step = 2 * gap / (std::sqrt(square) - rate);
-      t += step;
-      const float in_x = x + step * dx, in_y = y + step * dy;
-      const int next_x = (in_x > 1 + kBorder) - (in_x < -kBorder);
-      const int next_y = (in_y > 1 + kBorder) - (in_y < -kBorder);
-      if (next_x == 0 && next_y == 0) {
-        if (t > 0) ranges_m[i] = h * t;
-        break;
+    const Face& face = faces_[static_cast<std::size_t>(number)];
+    const int row = (face.end - face.low).y();
+    const std::size_t count = end - begin;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::int32_t at = pixels_[begin + i];
+      const int u = (at >> kPixelBits & kMask) - face.low.x(), v = (at & kMask) - face.low.y();
+      const Pixel* const pixel = &face.pixels[static_cast<std::size_t>(u * row + v)];
+      const Pixel* const about[] = {pixel, pixel + 1, pixel + row, pixel + row + 1};
+      for (std::size_t n = 0; n < 4; ++n) {
+        sights.nearness[n][i] = about[n]->nearness;
+        sights.quads[n][i] = about[n]->quad;
       }
-      qx += next_x;
-      qy += next_y;
-      if (qx < 0 || qy < 0 || qx + 1 >= kSide || qy + 1 >= kSide) break;
-      block(qx / kBlock, qy / kBlock);
+    }
+    const float *const x = &rays.x[begin], *const y = &rays.y[begin], *const z = &rays.z[begin];
+    find_quads(x, y, z, count, sights);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::int32_t quad = std::max(sights.quad[i], 0);
+      const float* const low =
+          &heights_[static_cast<std::size_t>((quad >> kQuadBits) * kSide + (quad & kQuadMask))];
+      const float* const corners[] = {low, low + 1, low + kSide, low + kSide + 1};
+      for (std::size_t n = 0; n < 4; ++n) sights.heights[n][i] = *corners[n];
+    }
+    meet_quads(at_, kSide - 2, x, y, z, count, sights);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::int32_t quad = sights.next[i];
+      if (quad == kArrived)
+        ranges_m[begin + i] = h * sights.t[i];
+      else if (quad >= 0)
+        ranges_m[begin + i] = h * follow(quad, sights.t[i], {x[i], y[i], z[i]});
     }
   }
+}
+
+/// Follows a ray that comes to a quad from the first of its neighbours. @return where it meets the
+/// ground, cells; kNotMet
+float GroundView::follow(std::int32_t quad, float t, const std::array<float, 3>& way) {
+  int qx = quad >> kQuadBits, qy = quad & kQuadMask;
+  const float dx = way[0], dy = way[1], dz = way[2];
+  for (int n = 1; n <= kNeighbours; ++n) {
+    block(qx / kBlock, qy / kBlock);
+    const float* const z = &heights_[static_cast<std::size_t>(qx * kSide + qy)];
+    const float x = at_[0] + t * dx - static_cast<float>(qx);
+    const float y = at_[1] + t * dy - static_cast<float>(qy);
+    const float a = z[kSide] - z[0], b = z[1] - z[0], twist = z[kSide + 1] - z[kSide] - b;
+    const float gap = at_[2] + t * dz - (z[0] + a * x + (b + twist * x) * y);
+    const float rate = dz - (a * dx + b * dy + twist * (x * dy + y * dx));
+    const float square = rate * rate + 4 * twist * dx * dy * gap;
+    if (!(rate < 0) || !(square >= 0)) break;
+    const float step = 2 * gap / (std::sqrt(square) - rate);
+    t += step;
+    const float in_x = x + step * dx, in_y = y + step * dy;
+    const int next_x = (in_x > 1 + kBorder) - (in_x < -kBorder);
+    const int next_y = (in_y > 1 + kBorder) - (in_y < -kBorder);
+    if (next_x == 0 && next_y == 0) return t > 0 ? t : kNotMet;
+    qx += next_x;
+    qy += next_y;
+    if (qx < 0 || qy < 0 || qx + 1 >= kSide || qy + 1 >= kSide) break;
+  }
+  return kNotMet;
 }
 
 void GroundView::ranges(const Vec3& from_m, const ScanRays& rays, std::span<float> ranges_m) {

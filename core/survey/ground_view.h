@@ -88,6 +88,7 @@ class GroundView {
   const Block& block(int bx, int by);
   void read_tile(const Coord2& tile);
   void follow(const ScanRays& rays, std::span<float> ranges_m);
+  float follow(std::int32_t quad, float t, const std::array<float, 3>& way);
   float height(int x, int y) const { return heights_[static_cast<std::size_t>(x * kSide + y)]; }
 
   Ground& ground_;
