@@ -130,12 +130,25 @@ std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, in
   return told_->columns.try_emplace(key, std::move(column)).first->second;
 }
 
-const BaseColumn& BaseColumns::at(int cx, int cy) {
+BaseColumns::Known& BaseColumns::known(int cx, int cy) {
   const std::uint64_t key = plan_key({cx, cy});
   const auto known = columns_.find(key);
-  if (known != columns_.end()) return *known->second;
+  if (known != columns_.end()) return known->second;
   if (columns_.size() >= kMaxBaseColumns) columns_.clear();
-  return *columns_.emplace(key, ask(key, cx, cy)).first->second;
+  return columns_.try_emplace(key, Known{ask(key, cx, cy)}).first->second;
+}
+
+bool BaseColumns::is_mixed(const Coord3& chunk) {
+  Known& column = known(chunk.x(), chunk.y());
+  constexpr int kAbove = 32;  // soil may be piled up there
+  const int number = (column.column->highest - chunk.z()) / kChunkSide + kAbove;
+  if (number < 0 || number >= 64) return ground_.classify(chunk) == Content::kMixed;
+  const std::uint64_t bit = std::uint64_t{1} << number;
+  if ((column.looked_up & bit) == 0) {
+    if (ground_.classify(chunk) == Content::kMixed) column.mixed |= bit;
+    column.looked_up |= bit;
+  }
+  return (column.mixed & bit) != 0;
 }
 
 double BaseColumns::height(const Eigen::Vector2i& cell) {

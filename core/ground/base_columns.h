@@ -81,7 +81,9 @@ class BaseColumns {
 
   const Ground& ground() const { return ground_; }
   /// @param cx, cy the chunks' lowest cell; valid until the next call
-  const BaseColumn& at(int cx, int cy);
+  const BaseColumn& at(int cx, int cy) { return *known(cx, cy).column; }
+  /// May the terrain's surface be in a chunk? Looked up once, if it is not far from the highest.
+  bool is_mixed(const Coord3& chunk);
   /// So many more will be kept together, up to kMaxBaseColumns.
   void make_room(std::size_t more) {
     if (columns_.size() + more > kMaxBaseColumns) columns_.clear();
@@ -93,6 +95,11 @@ class BaseColumns {
 
  private:
   using Columns = std::unordered_map<std::uint64_t, std::shared_ptr<const BaseColumn>>;
+  struct Known {
+    std::shared_ptr<const BaseColumn> column;
+    std::uint64_t looked_up = 0, mixed = 0;  // bits of chunks about the highest
+  };
+  Known& known(int cx, int cy);
   /// What all clones asked for.
   struct Told {
     std::mutex mutex;
@@ -101,7 +108,7 @@ class BaseColumns {
   std::shared_ptr<const BaseColumn> ask(std::uint64_t key, int cx, int cy);
 
   const Ground& ground_;
-  Columns columns_;  // at hand without a lock
+  std::unordered_map<std::uint64_t, Known> columns_;  // at hand without a lock
   TerrainChunks chunks_;
   std::shared_ptr<Told> told_;
 };

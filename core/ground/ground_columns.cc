@@ -28,6 +28,7 @@ class TileReader {
       : cx_(cx),
         cy_(cy),
         by_(by),
+        bases_(base),
         base_(base.at(cx, cy)),
         ground_(base.ground()),
         above_(ground_.above_base()),
@@ -116,9 +117,7 @@ class TileReader {
     return floor_to(std::min(z, ceiling_), kChunkSide);
   }
   /// May the terrain's surface be in a chunk, and be read as samples?
-  bool is_mixed(int z) const {
-    return z >= last_ && ground_.classify({cx_, cy_, z}) == Content::kMixed;
-  }
+  bool is_mixed(int z) const { return z >= last_ && bases_.is_mixed({cx_, cy_, z}); }
   static const Samples* loose_of(const Chunk& chunk) {
     return chunk.loose_count > 0 ? &chunk.loose : nullptr;
   }
@@ -290,6 +289,7 @@ class TileReader {
 
   const int cx_, cy_;
   const By by_;
+  BaseColumns& bases_;
   const BaseColumn& base_;
   const Ground& ground_;
   const Eigen::AlignedBox3i above_;
