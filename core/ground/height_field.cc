@@ -86,11 +86,20 @@ class HeightField final : public InitialTerrain, public RayTerrain {
     for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
       const Vec3 bottom = first + h * numbered_voxel(column).cast<double>();
       const double ground = at(w, bottom.x(), bottom.y());
+      const HeightTiles::Bounds bounds = bounds_of(w, bottom.head<2>() - half, h);
       for (int z = 0; z < kChunkSide; ++z) {
-        const double gap = bottom.z() + h * z - ground;
+        const double middle = bottom.z() + h * z, gap = middle - ground;
         std::uint64_t& word = words[static_cast<std::size_t>(column + z)];
-        if (w.complete && std::abs(gap) > half_range) {
+        if (bounds.complete && std::abs(gap) > half_range) {
           word = gap < 0 ? kAllSoil : 0;
+          continue;
+        }
+        if (middle - h / 2 >= bounds.high) {  // also without any height
+          word = 0;
+          continue;
+        }
+        if (bounds.complete && middle + h / 2 <= bounds.low) {
+          word = kAllSoil;
           continue;
         }
         const CellPoints& points = sample_points(chunk + numbered_voxel(column + z));
@@ -143,6 +152,27 @@ class HeightField final : public InitialTerrain, public RayTerrain {
   }
 
  private:
+  /// Of the posts about a square. @param low its corner @param h its side
+  HeightTiles::Bounds bounds_of(const HeightTiles::Window& w, const Vec2& low, double h) const {
+    const Vec2 from = tiles_.post(low.x(), low.y()), to = tiles_.post(low.x() + h, low.y() + h);
+    const int i0 = static_cast<int>(std::max(std::floor(from.x()), double(w.x0)));
+    const int j0 = static_cast<int>(std::max(std::floor(from.y()), double(w.y0)));
+    const int i1 = static_cast<int>(std::min(std::floor(to.x()) + 1, double(w.x0 + w.nx - 1)));
+    const int j1 = static_cast<int>(std::min(std::floor(to.y()) + 1, double(w.y0 + w.ny - 1)));
+    float least = std::numeric_limits<float>::infinity(), most = -least;
+    bool complete =
+        from.x() >= 0 && from.y() >= 0 && to.x() <= grid_.nx - 1 && to.y() <= grid_.ny - 1;
+    for (int j = j0; j <= j1; ++j) {
+      for (int i = i0; i <= i1; ++i) {
+        const float z = w.at(i, j);
+        complete = complete && !std::isnan(z);
+        least = z < least ? z : least;
+        most = z > most ? z : most;
+      }
+    }
+    return {least, most, complete};
+  }
+
   /// Bit i is set if point i of the cell with low corner `low` and side `h` is soil.
   std::uint64_t occupancy(const HeightTiles::Window& w, const Vec3& low, double h,
                           const CellPoints& points) const {
