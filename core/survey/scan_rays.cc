@@ -261,7 +261,7 @@ class Rays {
       const float *const length = &rays.length_m[begin], *const range = &ranges[begin];
       find_places(columns_, x, y, range, count, met_);
       find_places(columns_, x, y, length, count, ends_);
-      for (std::size_t i = 0; i < count; ++i) find_ground(i, range[i]);
+      find_grounds(range, count);
       measure(model_.noise, gate, x, y, z, length, range, count, meetings_);
       for (std::size_t i = 0; i < count; ++i) take({i, x[i], y[i], z[i], length[i]}, range[i]);
     }
@@ -339,18 +339,37 @@ class Rays {
   }
 
   /// Columns are many and stand far apart: those of rays to come are on their way meanwhile.
-  void fetch_end(std::size_t number) const {
-    const int near = ends_.tile[number];
-    if (near < 0) return;
+  /// @return the column of a place, if it is known and near; else null
+  const ScanColumn* coming(const Places& places, std::size_t number) const {
+    const int near = places.tile[number];
+    if (near < 0) return nullptr;
     const ScanTile* tile = near_[static_cast<std::size_t>(near)].tile;
-    if (tile == nullptr) return;
-    const ScanColumn& column = tile->columns[static_cast<std::size_t>(ends_.column[number])];
-    __builtin_prefetch(&column.first);
-    __builtin_prefetch(&column.cells.areas[static_cast<std::size_t>(ends_.quarter[number])], 1);
-    __builtin_prefetch(&column.height, 1);
+    return tile == nullptr ? nullptr
+                           : &tile->columns[static_cast<std::size_t>(places.column[number])];
+  }
+  void fetch_ground(std::size_t number) const {
+    const ScanColumn* const column = coming(met_, number);
+    if (column == nullptr) return;
+    __builtin_prefetch(&column->top);
+    __builtin_prefetch(&column->rays, 1);
+  }
+  void fetch_end(std::size_t number) const {
+    const ScanColumn* const column = coming(ends_, number);
+    if (column == nullptr) return;
+    __builtin_prefetch(&column->first);
+    __builtin_prefetch(&column->cells.areas[static_cast<std::size_t>(ends_.quarter[number])], 1);
+    __builtin_prefetch(&column->height, 1);
   }
 
-  /// The column that a ray was to meet, and its slope.
+  /// The columns that rays were to meet, and their slopes.
+  void find_grounds(const float* ranges, std::size_t count) {
+    constexpr std::size_t kAhead = 24;
+    for (std::size_t i = 0; i < std::min(count, kAhead); ++i) fetch_ground(i);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (i + kAhead < count) fetch_ground(i + kAhead);
+      find_ground(i, ranges[i]);
+    }
+  }
   void find_ground(std::size_t number, float range) {
     Place& met = grounds_[number];
     met.slot = nullptr;
