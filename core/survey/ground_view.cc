@@ -44,7 +44,7 @@ constexpr std::array<Axes, 5> kAxes = {{
 }};
 
 /// Number of a pixel: face, then along u, then along v.
-constexpr int kPixelBits = 10;
+constexpr int kPixelBits = 10, kPixelMask = (1 << kPixelBits) - 1;
 
 /// Numbers of the first of four pixels about each ray.
 SOILVDB_FOR_CPUS void find(const float* xs, const float* ys, const float* zs, std::size_t count,
@@ -66,11 +66,33 @@ SOILVDB_FOR_CPUS void find(const float* xs, const float* ys, const float* zs, st
   }
 }
 
+/// Rays that are followed at a time.
+constexpr std::size_t kRaysTogether = 256;
+
+/// Faces and pixels of some numbers, the first and the last of each.
+struct PixelRange {
+  std::int32_t first_face = kPixelMask, last_face = -1;
+  std::int32_t u0 = kPixelMask, u1 = -1, v0 = kPixelMask, v1 = -1;
+};
+SOILVDB_FOR_CPUS PixelRange range_of(const std::int32_t* numbers, std::size_t count) {
+  PixelRange all;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t face = numbers[i] >> (2 * kPixelBits);
+    const std::int32_t u = numbers[i] >> kPixelBits & kPixelMask, v = numbers[i] & kPixelMask;
+    all.first_face = std::min(all.first_face, face);
+    all.last_face = std::max(all.last_face, face);
+    all.u0 = std::min(all.u0, u);
+    all.u1 = std::max(all.u1, u);
+    all.v0 = std::min(all.v0, v);
+    all.v1 = std::max(all.v1, v);
+  }
+  return all;
+}
+
 /// What rays at a time see, and where they are on their way.
 struct Sights {
-  static constexpr std::size_t kRaysAtOnce = 256;
   template <typename T>
-  using Values = std::array<T, kRaysAtOnce>;
+  using Values = std::array<T, kRaysTogether>;
 
   std::array<Values<float>, 4> nearness;  // of the four pixels about each
   std::array<Values<std::int32_t>, 4> quads;
@@ -363,13 +385,24 @@ void GroundView::find_pixels(const ScanRays& rays) {
   std::array<Coord2, kFaces> first, last;
   first.fill(Coord2::Constant(kPixels));
   last.fill(Coord2::Constant(-1));
-  constexpr int kMask = (1 << kPixelBits) - 1;
-  for (const std::int32_t number : pixels_) {
-    if (number < 0) continue;
-    const auto face = static_cast<std::size_t>(number >> (2 * kPixelBits));
-    const Coord2 at(number >> kPixelBits & kMask, number & kMask);
-    first[face] = first[face].cwiseMin(at);
-    last[face] = last[face].cwiseMax(at + Coord2::Ones());
+  for (std::size_t begin = 0; begin < pixels_.size(); begin += kRaysTogether) {
+    const std::size_t count = std::min(kRaysTogether, pixels_.size() - begin);
+    const PixelRange range = range_of(&pixels_[begin], count);
+    const auto add = [&](std::int32_t number, const Coord2& low, const Coord2& high) {
+      const auto face = static_cast<std::size_t>(number);
+      first[face] = first[face].cwiseMin(low);
+      last[face] = last[face].cwiseMax(high + Coord2::Ones());
+    };
+    if (range.first_face == range.last_face) {
+      if (range.first_face >= 0) add(range.first_face, {range.u0, range.v0}, {range.u1, range.v1});
+      continue;
+    }
+    for (std::size_t i = begin; i < begin + count; ++i) {
+      const std::int32_t number = pixels_[i];
+      if (number < 0) continue;
+      const Coord2 at(number >> kPixelBits & kPixelMask, number & kPixelMask);
+      add(number >> (2 * kPixelBits), at, at);
+    }
   }
   for (std::size_t f = 0; f < kFaces; ++f)
     if (last[f].x() >= 0) draw(static_cast<int>(f), first[f], last[f]);
@@ -378,12 +411,11 @@ void GroundView::find_pixels(const ScanRays& rays) {
 /// Follows rays from the quads of their pixels; NaN where these do not meet them.
 void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
   const auto h = static_cast<float>(ground_.voxel_size_m());
-  constexpr int kMask = (1 << kPixelBits) - 1;
   const auto face_of = [&](std::size_t i) { return pixels_[i] >> (2 * kPixelBits); };
   Sights sights;
   for (std::size_t begin = 0, end = 0; begin < rays.count(); begin = end) {
     const std::int32_t number = face_of(begin);
-    const std::size_t most = std::min(rays.count(), begin + Sights::kRaysAtOnce);
+    const std::size_t most = std::min(rays.count(), begin + kRaysTogether);
     for (end = begin + 1; end < most && face_of(end) == number;) ++end;
     if (number < 0) continue;
     const Face& face = faces_[static_cast<std::size_t>(number)];
@@ -391,7 +423,8 @@ void GroundView::follow(const ScanRays& rays, std::span<float> ranges_m) {
     const std::size_t count = end - begin;
     for (std::size_t i = 0; i < count; ++i) {
       const std::int32_t at = pixels_[begin + i];
-      const int u = (at >> kPixelBits & kMask) - face.low.x(), v = (at & kMask) - face.low.y();
+      const int u = (at >> kPixelBits & kPixelMask) - face.low.x(),
+                v = (at & kPixelMask) - face.low.y();
       const Pixel* const pixel = &face.pixels[static_cast<std::size_t>(u * row + v)];
       const Pixel* const about[] = {pixel, pixel + 1, pixel + row, pixel + row + 1};
       for (std::size_t n = 0; n < 4; ++n) {
