@@ -75,6 +75,31 @@ void read_sigmas(const YamlMap& map, const char* group, Sensor& sensor) {
       sensor.*sigma.field = given.number(sigma.key, 0, kMostSensorSigma, sigma.unit);
 }
 
+/// The longest time between a scan of a file and the motions that is not told, s, if these do not
+/// last longer.
+constexpr double kFarFromMotions_s = 600;
+
+/// Warns of a sensor that moves without a known error of its poses. @param how it moves
+void warn_of_poses(const YamlMap& map, const char* key, const Sensor& sensor,
+                   const std::string& how, Scenario& scenario) {
+  if (sensor.pose_shift_sigma_m > 0 || sensor.pose_turn_sigma_rad > 0) return;
+  scenario.warnings.push_back(fmt::format(
+      "{}: sensor '{}' {}, and each of its poses is believed to the last millimetre; give their "
+      "standard deviations in m and rad, such as 'pose: {{shift: 0.02, turn: 0.003}}'",
+      map.place(key), printable(sensor.name), how));
+}
+
+/// Begin and end of all motions; the begin is later than the end if there are none.
+std::pair<double, double> times_of_motions(const Scenario& scenario) {
+  double begin_s = std::numeric_limits<double>::infinity(), end_s = -begin_s;
+  for (const MachineInput& machine : scenario.machines) {
+    if (!machine.has_motion()) continue;
+    begin_s = std::min(begin_s, machine.motion.begin_s());
+    end_s = std::max(end_s, machine.motion.end_s());
+  }
+  return {begin_s, end_s};
+}
+
 /// Where a recording has its points, transforms place a sensor that has no place here.
 SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& scenario) {
   SensorInput scan;
@@ -102,6 +127,9 @@ SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& s
   }
   if (map.has("mount")) read_sigmas(map, "mount", sensor);
   if (map.has("pose")) read_sigmas(map, "pose", sensor);
+  if (map.has("machine"))
+    warn_of_poses(map, "machine", sensor,
+                  fmt::format("moves with '{}'", printable(map.text("machine"))), scenario);
   try {
     sensor.validate();
   } catch (const std::invalid_argument& e) {
@@ -158,6 +186,13 @@ void read_file_scan(const YamlMap& map, ScanInput scan, Scenario& result) {
     map.fail("time",
              fmt::format("time is {} s, before '{}', which carries the sensor, has a place at {} s",
                          scan.time_s, result.machines[*scan.machine].name, *begin_s));
+  const auto [begin_s, end_s] = times_of_motions(result);
+  const double far_s = std::max(begin_s - scan.time_s, scan.time_s - end_s);
+  if (begin_s <= end_s && far_s > std::max(kFarFromMotions_s, end_s - begin_s))
+    result.warnings.push_back(fmt::format(
+        "{}: the scan is {:.10g} s {} all motions, which are from {:.10g} to {:.10g} s; "
+        "its time must be by the same clock",
+        map.place("time"), far_s, scan.time_s < begin_s ? "before" : "after", begin_s, end_s));
   result.scans.push_back(std::move(scan));
 }
 
@@ -200,8 +235,14 @@ class RecordedInputs {
     } else {
       far_ += recorded.cloud.leave_out_far();
       next_s_ = scan_.time_s + kSameEvery * every_s_;
+      if (scan_.by_transforms) see_from(*recorded.world_from_sensor);
       result_.scans.push_back(scan_);
     }
+  }
+  void see_from(const Pose& place) {
+    if (!place_) place_ = place;
+    moves_ =
+        moves_ || place.position != place_->position || !place.rotation.isApprox(place_->rotation);
   }
   void warn(const std::string& what) {
     result_.warnings.push_back(fmt::format("{}: {}", map_.place("mcap"), what));
@@ -221,18 +262,15 @@ class RecordedInputs {
                                     warnings_.empty() ? "" : "; " + warnings_.front()));
     result_.warnings.insert(result_.warnings.end(), warnings_.begin(), warnings_.end());
     if (!why.empty()) warn(why + "; left out");
+    if (moves_) warn_of_poses(map_, "sensor", scan_.sensor, "moves", result_);
     if (far_ > 0)
       warn(fmt::format("{} point{} more than {} m from the sensor; left out", far_,
                        far_ == 1 ? " is" : "s are", kMostScanRangeM));
   }
   /// Scans that no motion is about may have another clock.
   void tell_times() {
-    double begin_s = std::numeric_limits<double>::infinity(), end_s = -begin_s;
-    for (const MachineInput& machine : result_.machines) {
-      if (!machine.has_motion()) continue;
-      begin_s = std::min(begin_s, machine.motion.begin_s());
-      end_s = std::max(end_s, machine.motion.end_s());
-    }
+    const double begin_s = times_of_motions(result_).first,
+                 end_s = times_of_motions(result_).second;
     const auto first = result_.scans.begin() + static_cast<std::ptrdiff_t>(before_);
     const auto count = std::count_if(first, result_.scans.end(), [&](const ScanInput& scan) {
       return scan.time_s < begin_s || scan.time_s > end_s;
@@ -252,6 +290,8 @@ class RecordedInputs {
   double every_s_ = 0, next_s_ = -std::numeric_limits<double>::infinity();
   std::size_t early_ = 0, lost_ = 0, far_ = 0;
   std::string frame_;
+  std::optional<Pose> place_;  // by transforms, of the first scan
+  bool moves_ = false;
   std::vector<std::string> warnings_;
 };
 

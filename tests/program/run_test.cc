@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <regex>
 #include <set>
 
 #include "soilvdb/ground.h"
@@ -183,6 +184,57 @@ TEST_F(Run, VoxelsThatAreTooLargeForABucketAreWarnedOf) {
       << result.err;
   expect_refused("run dig.yaml --voxel 1.1 --out none",
                  "dig.yaml: voxels of 1.1 m are larger than the bucket of digger, 0.2 m x 0.5 m");
+}
+
+TEST_F(Run, VoxelsThatAreTooLargeForABucketAreWarnedOfBeforeARun) {
+  const std::string text = half_sine_scenario();
+  EXPECT_EQ(run("info dig.yaml").out.find("too large"), std::string::npos);
+  write_file(folder() / "large.yaml",
+             std::regex_replace(text, std::regex("voxel_size: [0-9.]+"), "voxel_size: 0.11"));
+  EXPECT_NE(run("info large.yaml")
+                .out.find("large.yaml: voxels of 0.11 m are too large for the "
+                          "bucket of digger"),
+            std::string::npos);
+}
+
+// Of one machine and of several, which move in batches, at any number of updates.
+TEST_F(Run, ABucketThatIsDraggedBackwardsIsWarnedOfOnce) {
+  constexpr const char* kMachine =
+      "  - {{name: {}, bucket: {{width: 1.2, height: 0.9, profile: [[0, 0], [-0.45, -0.1], [-0.85, "
+      "0.15], [-0.95, 0.55], [-0.7, 0.9], [0, 0.9]]}}, motion: {}.csv}}\n";
+  const auto motion = [&](const char* name, double y, double ahead) {
+    std::string csv = "time,x,y,z\n";
+    for (int i = 0; i <= 60; ++i)
+      csv += fmt::format("{},{},{},-0.2\n", 0.1 * i, 0.1 * i * ahead, y);
+    write_file(folder() / fmt::format("{}.csv", name), csv);
+    return fmt::format(fmt::runtime(kMachine), name, name);
+  };
+  const std::string back = motion("back", 0, -1), on = motion("on", 3, 1);
+  for (const std::string& soil : {std::string(), std::string("soil: {repose_angle: 0.6}\n")}) {
+    for (const std::string& machines : {back, back + on, on}) {
+      write_file(folder() / "drag.yaml", "soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 0}}\n" +
+                                             soil + "machines:\n" + machines);
+      for (const char* updates : {"", " --updates 20"}) {
+        SCOPED_TRACE(soil + machines + updates);
+        const std::string told = run(std::string("run drag.yaml") + updates).err;
+        const std::smatch line = [&] {
+          std::smatch found;
+          std::regex_search(told, found,
+                            std::regex("warning: drag.yaml: at ([0-9.]+) s machine 'back' moved "
+                                       "backwards through soil for 2 m and caught none: the x axis "
+                                       "of its bucket must point out of the mouth"));
+          return found;
+        }();
+        if (machines == on) {
+          EXPECT_EQ(told.find("backwards"), told.npos) << told;
+          continue;
+        }
+        ASSERT_FALSE(line.empty()) << told;
+        EXPECT_NEAR(std::stod(line[1]), 2.15, 0.35) << "1 m/s, 2 m";
+        EXPECT_EQ(told.find("backwards"), told.rfind("backwards")) << told;
+      }
+    }
+  }
 }
 
 /// A bucket that shuttles along a trench, in more rows than are in memory at once.

@@ -273,6 +273,8 @@ TEST_F(RecordedScanRun, IsThatOfFilesWithTheSamePoints) {
   EXPECT_NE(recorded.err.find("where frame 'lidar' is at the time of 1 scan; left out"),
             std::string::npos)
       << recorded.err;
+  const std::string moves = "dig.yaml:10: sensor 'mast' moves, and each of its poses is believed";
+  EXPECT_NE(recorded.err.find(moves), std::string::npos) << recorded.err;
   const nlohmann::json volumes = summary()["volume_m3"];
   expect_floor(volumes);
   // Each as a file, by a sensor of the same name and noise; its place as well.
@@ -293,6 +295,19 @@ TEST_F(RecordedScanRun, IsThatOfFilesWithTheSamePoints) {
   EXPECT_NEAR(summary()["volume_m3"]["surveyed_removed"].get<double>(),
               volumes["surveyed_removed"].get<double>(), 0.002)
       << "four sensors' mounts instead of one's";
+}
+
+TEST_F(RecordedScanRun, IsWarnedOfIfItsSensorMovesAndNoAccuracyOfItsPosesIsKnown) {
+  const auto warned = [&](const std::string& of_sensor, const std::string& of_scan) {
+    write(sensor(of_sensor) + "scans: [{sensor: mast, mcap: drive.mcap, topic: /lidar/points" +
+          of_scan + "}]\n");
+    const std::string told = run("info dig.yaml").out;
+    return told.find("sensor 'mast' moves") != told.npos;
+  };
+  EXPECT_TRUE(warned("", ""));
+  EXPECT_FALSE(warned("", ", every: 100")) << "one scan";
+  EXPECT_FALSE(warned("at: [0, 0, 3], ", ""));
+  EXPECT_FALSE(warned("pose: {shift: 0.01}, ", ""));
 }
 
 TEST_F(RecordedScanRun, IsPlacedByItsSensorIfThatHasAPlace) {
@@ -359,6 +374,37 @@ class CarriedScanRun : public ScanRun {
         kScan_s));
   }
 };
+
+TEST_F(CarriedScanRun, IsWarnedOfWithoutAnAccuracyOfItsPoses) {
+  const std::string place = "at: [1, 0, 1], noise: {range: 0.005}";
+  const auto warned = [&](const std::string& sensor) {
+    write("sensors: {mast: {" + sensor + "}}\nscans: [{sensor: mast, file: below.csv, time: 4}]\n");
+    const std::string told = run("info dig.yaml").out;
+    const std::string words =
+        "dig.yaml:8: sensor 'mast' moves with 'digger', and each of its poses is believed to the "
+        "last millimetre; give their standard deviations in m and rad, such as 'pose: {shift: 0.02";
+    return told.find(words) != told.npos;
+  };
+  EXPECT_TRUE(warned("machine: digger, " + place));
+  EXPECT_FALSE(warned(place));
+  for (const char* known : {"{shift: 0.01}", "{turn: 0.01}"})
+    EXPECT_FALSE(warned("machine: digger, " + place + ", pose: " + known)) << known;
+}
+
+TEST_F(ScanRun, OfAnotherClockAreWarnedOf) {  // the motion is from 0 to 5 s
+  const auto told = [&](double time_s) {
+    write(
+        fmt::format("sensors: {{mast: {{at: [1, -4, 4], noise: {{range: 0.005}}}}}}\n"
+                    "scans: [{{sensor: mast, file: floor.csv, time: {}, frame: world}}]\n",
+                    time_s));
+    return run("info dig.yaml").out;
+  };
+  const std::string words =
+      "all motions, which are from 0 to 5 s; its time must be by the same clock";
+  for (const double time_s : {-600.0, 2.0, 605.0}) EXPECT_EQ(told(time_s).find(words), words.npos);
+  EXPECT_NE(told(-601).find("dig.yaml:9: the scan is 601 s before " + words), words.npos);
+  EXPECT_NE(told(606).find("dig.yaml:9: the scan is 601 s after " + words), words.npos);
+}
 
 TEST_F(CarriedScanRun, IsSeenFromWhereItsMachineIsThen) {
   for (const char* updates : {"", " --updates 100", " --updates 7", " --updates 1"}) {

@@ -139,6 +139,23 @@ def test_a_bucket_that_moves_backwards_is_warned_of_once():
             blade.update(0, position=(x, 0, -0.2))
 
 
+def test_voxels_that_are_large_beside_a_bucket_are_warned_of(tmp_path):
+    bucket = soilvdb.Bucket(1.0, 0.8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        soilvdb.Site(0.4, soilvdb.plane(0.0), [bucket])
+    with pytest.warns(UserWarning, match="voxels of 0.41 m are too large for the bucket of machine 0, "
+                                         "1 m x 0.8 m; .* use 0.16 m or less") as told:
+        site = soilvdb.Site(0.41, soilvdb.plane(0.0), [bucket])
+        for x in range(5):
+            site.clone().update(0, position=(x, 0, -0.2))
+    assert len(told) == 1
+    (tmp_path / "pit.yaml").write_text("soilvdb: 1\nvoxel_size: 5\nterrain: {plane: {z: 0}}\nmachines:\n"
+                                       "  - {name: digger, bucket: {width: 1.0, height: 0.8}}\n")
+    with pytest.warns(UserWarning, match="voxels of 5 m are larger than the bucket of digger"):
+        soilvdb.Site.open(tmp_path / "pit.yaml")
+
+
 def test_a_warning_that_is_an_error_costs_no_result(capfd):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

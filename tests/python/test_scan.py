@@ -927,6 +927,24 @@ def test_rays_that_do_not_fit_the_ground_are_told_once():
         site.apply_scans()
 
 
+def test_a_sensor_that_moves_as_if_its_poses_were_exact_is_warned_of_once():
+    points = np.array([(0.1 * i, 0.1 * k, -2.0) for i in range(20) for k in range(20)])
+
+    def scanned(site, x, **known):
+        site.scan(soilvdb.Sensor(name="cab", position=(x, 0, 2), range_sigma=0.01, **known), points)
+
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [])
+    with pytest.warns(UserWarning, match="sensor 'cab' has moved, .* pose_shift_sigma") as told:
+        for x in (0, 0, 1, 2):
+            scanned(site, x)
+            assert len(told) == (x >= 1)
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for x in (0, 1, 2):
+            scanned(site, x, pose_shift_sigma=0.02)
+
+
 def test_depths_in_millimetres_are_told():
     site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
     with pytest.raises(ValueError, match=r"pixel \(0, 0\) has 1500.*millimetres"):

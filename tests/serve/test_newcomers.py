@@ -53,6 +53,18 @@ def dump(machine, begin, y=0.0, states=60):
                "rotation": [0.0, math.sin(turn / 2), 0.0, math.cos(turn / 2)]}
 
 
+def test_buckets_that_are_small_beside_the_voxels_are_warned_of(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("soilvdb: 1\nvoxel_size: 0.5\nterrain: {plane: {z: 0}}\nmachines:\n" + IN_YAML)
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        answer = change(server, "/machines", {"add": {"name": "fourth", "bucket": {"width": 1.2, "height": 1.0}}})
+        assert "warning" not in answer
+        answer = change(server, "/machines", {"add": {"name": "fifth", "bucket": {"width": 1.2, "height": 0.9}}})
+        assert answer["warning"].startswith("voxels of 0.5 m are too large for the bucket of fifth, 1.2 m x 0.9 m")
+        assert (f"{path}: voxels of 0.5 m are too large for the bucket of third, 0.8 m x 0.5 m"
+                in server.stop())
+
+
 def test_a_machine_that_comes_digs_as_one_that_was_always_there(tmp_path):
     path, out = scenario(tmp_path, SOIL), tmp_path / "out"
     first, second = list(passes("digger", 0.0, 0.2, 40)), list(passes("third", 2.0, 0.2, 40, begin=0.1))

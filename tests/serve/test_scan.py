@@ -252,9 +252,13 @@ def test_a_sensor_is_where_its_machine_was(tmp_path):
         if server.json("/summary.json")["updates"] < 3:  # the last second need not be on disk
             server.feed(states[server.json("/summary.json")["updates"]:])
         answer, = scan(server, [message({**head, "time": 1.9}, image.tobytes())])
-        assert answer["removed_m3"] == pytest.approx(volume, rel=0.005)
+        assert answer["removed_m3"] == pytest.approx(volume, rel=0.005) and "warning" not in answer
         again, = scan(server, [message({**head, "time": 1.0}, image.tobytes())])
         assert again["removed_m3"] + again["added_m3"] < 0.005 * volume
+        assert "warning" not in again, "the machine was there at its last state before 1.9 s"
+        moved = "scans: sensor 'bucket' has moved, and each of its poses is believed"
+        once, never = scan(server, [message({**head, "time": 2.0}, image.tobytes())] * 2)
+        assert moved in once["warning"] and moved not in never.get("warning", "")
         old, = scan(server, [message({**DEPTH, "time": -8.1}, image.tobytes())])
         assert "more than 10 s before the latest state, 2 s" in old["error"]
         ahead, = scan(server, [message({**DEPTH, "time": 62.1}, image.tobytes())])

@@ -13,6 +13,7 @@
 namespace soilvdb::test {
 namespace session_limits_test {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 MachineState digger_at(const Vec3& position, std::optional<double> time_s = {}) {
@@ -48,6 +49,21 @@ TEST(SessionLimits, BatchesAreRefusedAtTheFirstStateThatNoMachineHasAfterTheOneB
   EXPECT_THROW(session.unlikely({.machine = 9}), std::invalid_argument);
 }
 
+// Whatever happens to the session meanwhile.
+TEST(SessionLimits, ABucketThatGoesBackwardsIsWarnedOfOnceInASessionThatChanges) {
+  Session session(site_of());
+  int warned = 0;
+  for (int i = 0; i < 100; ++i) {
+    if (i == 30) session.restore(session.save());
+    if (i == 50)
+      session.change_list("machines",
+                          R"({"add": {"name": "hoe", "bucket": {"width": 1, "height": 1}}})");
+    ASSERT_TRUE(session.update(digger_at({1 - 0.1 * i, 0, 0}, i)).ok());
+    warned += static_cast<int>(session.take_warnings().size());
+  }
+  EXPECT_EQ(warned, 1);
+}
+
 TEST(SessionLimits, ABucketThatGoesBackwardsIsWarnedOfOnceHoweverItIsFed) {
   for (const bool batches : {false, true}) {
     Session session(site_of());
@@ -66,6 +82,25 @@ TEST(SessionLimits, ABucketThatGoesBackwardsIsWarnedOfOnceHoweverItIsFed) {
     }
     EXPECT_EQ(warned, 1);
   }
+}
+
+TEST(SessionLimits, VoxelsThatAreTooLargeForABucketAreWarnedOf) {
+  SessionSite site = site_of();  // plate: 1 m x 0.6 m
+  site.voxel_size_m = 0.3;
+  EXPECT_TRUE(Session(site).take_warnings().empty());
+  site.voxel_size_m = 0.31;
+  Session session(site);
+  EXPECT_TRUE(session.clone().take_warnings().empty()) << "once";
+  EXPECT_THAT(session.take_warnings(),
+              ElementsAre("voxels of 0.31 m are too large for the bucket of plate, 1 m x 0.6 m; "
+                          "volumes will be off by percents or more, use 0.12 m or less"));
+  EXPECT_TRUE(session.take_warnings().empty());
+  session.change_list("machines",
+                      R"({"add": {"name": "hoe", "bucket": {"width": 0.1, "height": 0.15}}})");
+  EXPECT_THAT(session.take_warnings(),
+              ElementsAre("voxels of 0.31 m are larger than the bucket of hoe, 0.1 m x 0.15 m, and "
+                          "would show nothing of what it digs; the voxel size must be 0.02 m or "
+                          "less"));
 }
 
 TEST(SessionPlaces, APlaneIsDugInAnyCoordinates) {

@@ -55,6 +55,39 @@ Survey scanned(S& site, const Sensor& sensor, std::span<const Vec3> points, Reco
   return applied(site, record...);
 }
 
+std::vector<Vec3> level_points(double x) {
+  std::vector<Vec3> points;
+  for (int i = 0; i < 400; ++i) points.emplace_back(x + 0.1 * (i % 20), 0.1 * (i / 20), 0);
+  return points;
+}
+
+// What is believed to the last millimetre changes volumes.
+TEST(SessionScan, ASensorThatMovesAsIfItsPosesWereExactIsWarnedOfOnce) {
+  Session session({.voxel_size_m = 0.1, .terrain = io::PlaneTerrain{}, .machines = {}});
+  const auto warnings_of = [&](Session& site, const std::string& name, double x, double sigma_m,
+                               double turn = 0) {
+    Sensor sensor = above(x);
+    sensor.name = name;
+    sensor.pose_shift_sigma_m = sigma_m;
+    sensor.pose.rotation = sensor.pose.rotation * Eigen::AngleAxisd(turn, Vec3::UnitZ());
+    EXPECT_TRUE(site.scan(sensor, level_points(x)).ok());
+    return site.take_warnings();
+  };
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(warnings_of(session, "mast", 0, 0).empty()) << "stays";
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(warnings_of(session, "cab", i, 0.01).empty()) << "known";
+  EXPECT_TRUE(warnings_of(session, "other mast", 2, 0).empty()) << "another";
+  EXPECT_TRUE(session.scan(above(), {}).ok());
+  Session clone = session.clone();
+  for (Session* each : {&session, &clone}) {
+    const std::vector<std::string> told = warnings_of(*each, "mast", 0.001, 0);
+    ASSERT_EQ(told.size(), 1u);
+    EXPECT_THAT(told[0], ::testing::HasSubstr("sensor 'mast' has moved"));
+    EXPECT_THAT(told[0], ::testing::HasSubstr("pose_shift_sigma"));
+    EXPECT_TRUE(warnings_of(*each, "mast", 0.5, 0).empty()) << "once";
+    EXPECT_EQ(warnings_of(*each, "other mast", 2, 0, 0.01).size(), 1u) << "a turn";
+  }
+}
+
 /// Works and looks in turn.
 void work(Session& session, const std::vector<MachineState>& all, std::uint64_t seed) {
   for (std::size_t i = 0; i < all.size(); ++i) {

@@ -27,6 +27,7 @@
 #include "soilvdb/tool_shape.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
+#include "tools/run/run.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/text.h"
 
@@ -243,6 +244,7 @@ void warn_of_ground(io::Scenario& scenario) {
 
 void info_scenario(const fs::path& file) {
   io::Scenario scenario = io::read_scenario(file, {}, io::Motions::kOptional);
+  warn_of_voxels(scenario);
   warn_of_ground(scenario);
   fmt::print("{}: scenario\n", file.string());
   line("name", scenario.name);

@@ -34,28 +34,12 @@ void try_out(const io::Terrain& terrain) {
   read_in_child(kLevelSet + level_set->grid, level_set->file);
 }
 
-/// With voxels of half a bucket's size volumes are off by a percent; with voxels of four times its
-/// size the bucket seems to dig nothing.
-void check_voxels(io::Scenario& scenario) {
-  for (const io::MachineInput& machine : scenario.machines) {
-    const double side_m = std::min(machine.bucket.width_m, machine.bucket.height_m);
-    if (scenario.voxel_size_m <= side_m / 2) continue;
-    if (scenario.voxel_size_m > 2 * std::max(machine.bucket.width_m, machine.bucket.height_m)) {
-      throw io::InputError(
-          scenario.file,
-          fmt::format(
-              "voxels of {} m are larger than the bucket of {}, {} m x {} m, and would show "
-              "nothing of what it digs; the voxel size must be {} m or less",
-              length_text(scenario.voxel_size_m), machine.name, length_text(machine.bucket.width_m),
-              length_text(machine.bucket.height_m), length_text(side_m / 5)));
-    }
-    scenario.warnings.push_back(fmt::format(
-        "{}: voxels of {} m are too large for the bucket of {}, {} m x {} m; volumes will be off "
-        "by percents or more, use {} m or less",
-        scenario.file.string(), length_text(scenario.voxel_size_m), machine.name,
-        length_text(machine.bucket.width_m), length_text(machine.bucket.height_m),
-        length_text(side_m / 5)));
-  }
+/// With voxels of four times its size a bucket seems to dig nothing.
+void check_voxels(const io::Scenario& scenario) {
+  for (const io::MachineInput& machine : scenario.machines)
+    if (scenario.voxel_size_m > 2 * std::max(machine.bucket.width_m, machine.bucket.height_m))
+      throw io::InputError(scenario.file,
+                           voxel_doubt(machine.name, machine.bucket, scenario.voxel_size_m));
 }
 
 fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
@@ -90,8 +74,16 @@ io::Scenario read_to_dig(const RunOptions& options) {
   progress.reset();
   if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
   check_voxels(scenario);
+  warn_of_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;
+}
+
+void warn_of_voxels(io::Scenario& scenario) {
+  for (const io::MachineInput& machine : scenario.machines)
+    if (const std::string doubt = voxel_doubt(machine.name, machine.bucket, scenario.voxel_size_m);
+        !doubt.empty())
+      scenario.warnings.push_back(fmt::format("{}: {}", scenario.file.string(), doubt));
 }
 
 void warn_of_underground(io::Scenario& scenario, const Ground& ground) {

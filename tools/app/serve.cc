@@ -343,6 +343,8 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   LiveSite site(Session::open(options.scenario), scenario.name);
   site.set_sensors(scenario.sensors);
   for (const std::string& warning : site.session().site().warnings) say("warning: " + warning);
+  for (const std::string& warning : site.session().take_warnings())
+    say(fmt::format("warning: {}: {}", options.scenario.string(), warning));
   check_receivers(scenario, site.session().site());
   all.lines = open_lines(options.lines, site.session().site());
   all.raster_cell_m = scenario.raster_cell_m;

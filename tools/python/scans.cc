@@ -100,7 +100,14 @@ void scan(Site& site, const Sensor& sensor, const py::object& points, const py::
     }
   }
   if (!world) place_points(sensor.pose, ends);
-  require_good(site.with([&](Session& session) { return session.scan(sensor, ends); }));
+  std::vector<std::string> warnings;
+  const StepResult made = site.with([&](Session& session) {
+    StepResult taken = session.scan(sensor, ends);
+    warnings = session.take_warnings();
+    return taken;
+  });
+  tell(warnings);
+  require_good(made);
 }
 
 /// What soilvdb.Survey has.
@@ -410,7 +417,9 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
           "world; rows that aren't finite, or zero in the sensor's frame, are no return. Or depth: "
           "(H, W), m along the optical axis, with intrinsics (fx, fy, cx, cy), pixels; NaN and 0 "
           "are no return. Nothing changes before apply_scans(). Rays that meet the bucket of a "
-          "machine are not used. The result does not depend on the order of scans between two "
+          "machine are not used. Warns, once, of a sensor that moves without standard deviations "
+          "of "
+          "its poses. The result does not depend on the order of scans between two "
           "calls of "
           "apply_scans().")
       .def("apply_scans", &apply_scans,

@@ -70,6 +70,7 @@ Session make_session(double voxel_size, const TerrainValue& terrain, const py::t
 
 std::unique_ptr<Site> made(Session session, const py::tuple& from) {
   warn(session.site().warnings);
+  warn(session.take_warnings());
   return std::make_unique<Site>(std::move(session), from);
 }
 

@@ -82,6 +82,8 @@ io::Scenario read_to_dig(const RunOptions& options);
 /// Does such a run write a file of this name beside its journal?
 bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name);
 
+/// Adds a warning for each bucket that is small beside the voxels.
+void warn_of_voxels(io::Scenario& scenario);
 /// Adds a warning for each machine that begins below the present ground.
 void warn_of_underground(io::Scenario& scenario, const Ground& ground);
 

@@ -199,6 +199,8 @@ void RunOutputs::summarise(bool stopped) {
   }
   put_totals(totals, summary_);
   if (scenario_.soil) warn_of_soil(stopped);
+  for (const std::string& warning : site_.warnings)
+    say(fmt::format("warning: {}: {}", scenario_.file.string(), warning));
   if (site_.doubtful_scans > 0)
     say(fmt::format("warning: {}{}", site_.doubt,
                     site_.doubtful_scans > 1

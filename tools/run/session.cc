@@ -329,6 +329,7 @@ StepResult Session::scan(const Sensor& sensor, std::span<const Vec3> points_m) n
     if (std::string warning = machine.chain->bodies->take_warning(); !warning.empty())
       s.warnings.push_back(std::move(warning));
   }
+  if (!points_m.empty()) s.look_at_pose(sensor);
   s.settings.floats = false;
   ++s.fed_count;
   return made;

@@ -165,7 +165,8 @@ void change_hoppers(const Json& change, SiteModel& model, const io::Scenario& si
 void Session::State::rebuild(SiteModel model, std::string_view progress) {
   SiteState next(std::move(model), site);
   next.set_progress(progress);
-  backwards.resize(next.model().machines.size());
+  std::copy(backwards.begin(), backwards.end(), next.backwards.begin());
+  next.warnings = std::move(warnings);
   SiteState::operator=(std::move(next));
 }
 
@@ -182,9 +183,11 @@ void Session::State::change_lists(Json change) {
     change_machines(change, next, retired, beside, site);
   else
     change_hoppers(change, next, beside);
+  const std::size_t machines = model().machines.size();
   rebuild(std::move(next), progress());
   settings.retired = std::move(retired);
   settings.changes.push_back(io::to_text(change));
+  warn_of_voxels(machines);
   warnings.insert(warnings.end(), beside.warnings.begin(), beside.warnings.end());
 }
 

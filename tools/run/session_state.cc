@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "io/file/text.h"
 #include "io/motion/motion_checks.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/lattice.h"
@@ -22,8 +23,6 @@ namespace {
 constexpr double kFarthestMove_m = 100;
 /// How far from a site's origin a map may be, voxels.
 constexpr double kMapReach = 1 << 23;
-/// Way through soil after which a bucket without any is held the wrong way round.
-constexpr double kBackwards_m = 2;
 
 }  // namespace
 
@@ -36,6 +35,8 @@ void Session::State::become(SiteState&& other) {
   mesh_heights.reset();
   height_map = std::move(of_other);
   for (Backwards& so_far : backwards) so_far.way_m = 0;
+  other.backwards = std::move(backwards);
+  other.warnings = std::move(warnings);
   const std::shared_ptr<const SiteModel> model = model_;  // keeps references to it valid
   SiteState::operator=(std::move(other));
   model_ = model;
@@ -141,6 +142,30 @@ std::string Session::State::unlikely(const MachineState& state, std::optional<In
   return "";
 }
 
+void Session::State::look_at_pose(const Sensor& sensor) {
+  if (sensor.pose_shift_sigma_m > 0 || sensor.pose_turn_sigma_rad > 0) return;
+  SeenFrom& first = seen_from.try_emplace(sensor.name, SeenFrom{sensor.pose}).first->second;
+  const bool stays = sensor.pose.position == first.pose.position &&
+                     sensor.pose.rotation.isApprox(first.pose.rotation);
+  if (stays || std::exchange(first.warned, true)) return;
+  warnings.push_back(fmt::format(
+      "scans: sensor '{}' has moved, and each of its poses is believed to the last millimetre; "
+      "give "
+      "their standard deviations, pose_shift_sigma in m and pose_turn_sigma in rad ('pose' of a "
+      "scenario or header), or another sensor another name",
+      io::printable(sensor.name)));
+}
+
+void Session::State::warn_of_voxels(std::size_t first) {
+  for (std::size_t i = first; i < model().machines.size(); ++i) {
+    const SiteMachine& machine = model().machines[i];
+    if (std::string told =
+            tools::voxel_doubt(machine.name, machine.bucket, site.ground->voxel_size_m());
+        !told.empty())
+      warnings.push_back(std::move(told));
+  }
+}
+
 Session::State::Way Session::State::way(std::size_t machine) const {
   if (machine >= inputs_.size()) return {};
   const Ledger& of = tracker().ledger(machine);
@@ -149,20 +174,12 @@ Session::State::Way Session::State::way(std::size_t machine) const {
 }
 
 void Session::State::look_backwards(std::size_t machine, const Way& before) {
-  Backwards& so_far = backwards[machine];
-  const SiteMachine& of = model().machines[machine];
-  if (so_far.warned || !before.pose || of.bucket.shape) return;
+  if (!before.pose) return;
   const Way now = way(machine);
-  if (now.captured > before.captured) so_far.way_m = 0;
-  if (now.captured > before.captured || now.displaced <= before.displaced) return;
-  const Vec3 moved = now.pose->position - before.pose->position;
-  so_far.way_m -= std::min(0.0, moved.dot(before.pose->rotation * Vec3::UnitX()));
-  if (so_far.way_m < kBackwards_m) return;
-  so_far.warned = true;
-  warnings.push_back(fmt::format(
-      "machine '{}' moved backwards through soil for {} m and caught none: the x axis of its "
-      "bucket must point out of the mouth, in the digging direction",
-      of.name, kBackwards_m));
+  std::string warning =
+      SiteState::look_backwards(machine, *before.pose, *now.pose, now.captured > before.captured,
+                                now.displaced > before.displaced);
+  if (!warning.empty()) warnings.push_back(std::move(warning));
 }
 
 }  // namespace soilvdb::inline v0

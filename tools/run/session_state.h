@@ -3,6 +3,7 @@
 // The state of a session. Private to the session's files.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -42,15 +43,14 @@ struct Session::State : tools::SiteState {
       Site::survey_;
 
   explicit State(SiteState site_state)
-      : SiteState(std::move(site_state)),
-        backwards(model().machines.size()),
-        patches(*site.ground),
-        chunks(*site.ground) {}
+      : SiteState(std::move(site_state)), patches(*site.ground), chunks(*site.ground) {
+    warn_of_voxels(0);
+  }
   /// A copy for a clone.
   State(const State& other)
       : SiteState(other),
         settings(other.settings),
-        backwards(other.backwards),
+        seen_from(other.seen_from),
         fed_count(other.fed_count),
         height_map(other.height_map ? std::optional(HeightMap(*site.ground, *other.height_map))
                                     : std::nullopt),
@@ -95,7 +95,11 @@ struct Session::State : tools::SiteState {
     std::int64_t captured = 0, displaced = 0;  ///< samples
   };
   Way way(std::size_t machine) const;
-  /// Warns of a bucket that moved backwards too far. @param before before an update of it
+  /// Warns of a sensor that moved, but is said to be nowhere else.
+  void look_at_pose(const Sensor& sensor);
+  /// Warns of machines from a number on whose buckets are small beside the voxels.
+  void warn_of_voxels(std::size_t first);
+  /// @param before before an update of the machine
   void look_backwards(std::size_t machine, const Way& before);
   std::unique_ptr<tools::Recorder> new_recorder(tools::RunFolder& to,
                                                 tools::SnapshotSchedule schedule) const;
@@ -105,16 +109,14 @@ struct Session::State : tools::SiteState {
   template <typename Result, typename Work, typename Record>
   Result recorded(const Work& work, const Record& record_made) noexcept;
 
-  /// How far a bucket has moved backwards through soil since it last caught some.
-  struct Backwards {
-    double way_m = 0;
+  Settings settings;
+  bool warned_of_rays = false;
+  /// Where sensors were at their first scan, by name; of those whose poses are said to be exact.
+  struct SeenFrom {
+    Pose pose;
     bool warned = false;
   };
-
-  Settings settings;
-  std::vector<Backwards> backwards;  ///< by machine
-  std::vector<std::string> warnings = {};
-  bool warned_of_rays = false;
+  std::map<std::string, SeenFrom> seen_from = {};
   std::uint64_t fed_count = 0;  ///< since it was opened
   /// Mass that hoppers received in the last update; empty: no hoppers, or several machines moved.
   std::optional<std::int64_t> hauled = {};

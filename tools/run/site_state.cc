@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
@@ -14,6 +15,9 @@
 
 namespace soilvdb::tools {
 namespace {
+
+/// Way through soil after which a bucket without any is held the wrong way round.
+constexpr double kBackwards_m = 2;
 
 std::optional<double> time_of(const io::JournalUpdate& update) {
   return std::isnan(update.end_s) ? std::nullopt : std::optional(update.end_s);
@@ -29,6 +33,18 @@ SiteModel model_of(const io::Scenario& scenario) {
   return model;
 }
 
+std::string voxel_doubt(const std::string& machine, const Bucket& bucket, double voxel_size_m) {
+  const auto [least_m, most_m] = std::minmax(bucket.width_m, bucket.height_m);
+  if (voxel_size_m <= least_m / 2) return "";
+  const bool hides = voxel_size_m > 2 * most_m;
+  return fmt::format("voxels of {} m are {} the bucket of {}, {} m x {} m{} {} m or less",
+                     length_text(voxel_size_m), hides ? "larger than" : "too large for", machine,
+                     length_text(bucket.width_m), length_text(bucket.height_m),
+                     hides ? ", and would show nothing of what it digs; the voxel size must be"
+                           : "; volumes will be off by percents or more, use",
+                     length_text(least_m / 5));
+}
+
 std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t update,
                            double time_s, const UpdateDiffers& why) {
   const std::string at = std::isnan(time_s) ? "" : fmt::format(", at {} s", time_text(time_s));
@@ -39,7 +55,9 @@ std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t u
 }
 
 SiteState::SiteState(SiteModel model, io::Site opened)
-    : Site(opened.ground, std::move(model)), site(std::move(opened)) {
+    : Site(opened.ground, std::move(model)),
+      site(std::move(opened)),
+      backwards(model_->machines.size()) {
   if (const auto& soil = model_->earthmoving.soil) units = MassUnits(*soil);
 }
 
@@ -47,7 +65,8 @@ SiteState::SiteState(const SiteState& other)
     : Site(other),
       site{ground_, other.site.reference, other.site.crs_wkt, other.site.bounds,
            other.site.beneath},
-      units(other.units) {}
+      units(other.units),
+      backwards(other.backwards) {}
 
 std::int64_t SiteState::samples(double m3) const {
   return std::llround(m3 / site.ground->sample_m3());
@@ -80,6 +99,22 @@ Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::s
   if (!chain || !chain->takes(v.size()))
     throw std::invalid_argument(fmt::format("{} has no {} joints", name(machine), v.size()));
   return chain->world_from_bucket(v);
+}
+
+std::string SiteState::look_backwards(std::size_t machine, const Pose& from, const Pose& to,
+                                      bool caught, bool displaced) {
+  Backwards& so_far = backwards[machine];
+  const SiteMachine& of = model_->machines[machine];
+  if (so_far.warned || of.bucket.shape) return "";
+  if (caught) so_far.way_m = 0;
+  if (caught || !displaced) return "";
+  so_far.way_m -= std::min(0.0, (to.position - from.position).dot(from.rotation * Vec3::UnitX()));
+  if (so_far.way_m < kBackwards_m) return "";
+  so_far.warned = true;
+  return fmt::format(
+      "machine '{}' moved backwards through soil for {} m and caught none: the x axis of its "
+      "bucket must point out of the mouth, in the digging direction",
+      of.name, kBackwards_m);
 }
 
 void SiteState::follow(const io::JournalUpdate& update) {
@@ -135,6 +170,9 @@ Move SiteState::move_of(const io::JournalUpdate& update,
 
 std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
   std::vector<io::JournalUpdate> made;
+  std::vector<std::int64_t> loads;  // before each update, by machine
+  for (std::size_t i = 0; i < model_->machines.size(); ++i)
+    loads.push_back(tracker_->ledger(i).load);
   const auto record = [&](const Step& step, const Update& update) {
     made.push_back(
         {.machine = static_cast<std::uint32_t>(step.machine),
@@ -149,7 +187,17 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
          .spilled = mass(update.spilled_m3),
          .slid = mass(update.slid_m3),
          .kind = step.motion ? io::JournalUpdate::Kind::kMove : io::JournalUpdate::Kind::kPour});
+    const std::optional<Input> before = step.motion ? inputs_[step.machine] : std::nullopt;
     follow(made.back());
+    if (before) {
+      const std::int64_t load = std::exchange(loads[step.machine], made.back().bucket_samples);
+      const bool caught = made.back().bucket_samples + made.back().spilled > load;
+      const std::string warning =
+          look_backwards(step.machine, before->pose, inputs_[step.machine]->pose, caught,
+                         !caught && made.back().cut_samples > 0);
+      if (!warning.empty())
+        warnings.push_back(fmt::format("at {} s {}", time_text(step.end_s), warning));
+    }
     if (!records_force || !step.motion || model_->machines[step.machine].bucket.shape) return;
     if (!heights_) heights_.emplace(*site.ground);
     cut_geometry(step.machine, *heights_, cut_);

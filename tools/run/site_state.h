@@ -36,6 +36,10 @@ std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t u
 /// The part of a site model that a scenario defines, without the ground.
 SiteModel model_of(const io::Scenario& scenario);
 
+/// Says so if volumes of a bucket will be off by percents, or show nothing of what it digs, because
+/// voxels are too large; else empty.
+std::string voxel_doubt(const std::string& machine, const Bucket& bucket, double voxel_size_m);
+
 struct SiteState : Site {
   /// @throw std::invalid_argument for impossible machines or soil
   SiteState(SiteModel model, io::Site opened);
@@ -74,6 +78,19 @@ struct SiteState : Site {
   /// Scans whose rays are in doubt, and why the first is; not copied.
   std::int64_t doubtful_scans = 0;
   std::string doubt = {};
+  /// How far a bucket has moved backwards through soil since it last caught some.
+  struct Backwards {
+    double way_m = 0;
+    bool warned = false;
+  };
+  std::vector<Backwards> backwards;        ///< by machine
+  std::vector<std::string> warnings = {};  ///< not yet told; not copied
+
+ protected:
+  /// Looks at an update of a bucket. @param caught, displaced did it, any soil?
+  /// @return a warning if it has now moved backwards too far, once; else empty
+  std::string look_backwards(std::size_t machine, const Pose& from, const Pose& to, bool caught,
+                             bool displaced);
 
  private:
   io::JournalUpdate take_scan(const Step& step);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scans and surveys that correct the ground of a live site.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -111,7 +112,6 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
     throw std::invalid_argument(step.why);
   Survey survey;
   const StepResult step = session_.apply_scans(survey);
-  session_.take_warnings();  // of the first doubtful scan only
   if (!step.ok())
     throw std::runtime_error(session_.recording_fault().empty() ? step.why : kNotOnDisk + step.why);
   if (!points_m.empty()) {  // without points there is seldom something to record
@@ -135,7 +135,12 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
   for (std::size_t i = 0; i < survey.lip_errors_m.size(); ++i)
     answer["lip_error"][session_.machines()[i].name] = {survey.lip_errors_m[i].mean,
                                                         survey.lip_errors_m[i].sigma};
-  if (const std::string doubt = survey.rays.doubt(); !doubt.empty()) answer["warning"] = doubt;
+  std::vector<std::string> told = session_.take_warnings();
+  if (const std::string doubt = survey.rays.doubt(); !doubt.empty()) {
+    std::erase(told, "scans: " + doubt);  // of the first doubtful scan only
+    told.push_back(doubt);
+  }
+  if (!told.empty()) answer["warning"] = fmt::format("{}", fmt::join(told, "; "));
   return answer;
 }
 

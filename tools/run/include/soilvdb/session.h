@@ -142,8 +142,9 @@ class Session {
   /// Why no machine has such a state after its last one; empty if one may have.
   /// @throw std::invalid_argument for a state that update() refuses without limits
   std::string unlikely(const MachineState& state) const;
-  /// Warnings since the last call: once for each bucket that moves backwards through soil for 2 m
-  /// and catches none.
+  /// Warnings since the last call, each once: of a bucket that moves backwards through soil for 2 m
+  /// and catches none, of voxels of more than half a bucket's side, of rays of scans that do not
+  /// meet the ground, of a sensor that moves without standard deviations of its poses.
   std::vector<std::string> take_warnings();
 
   StepResult update(const MachineState& state) noexcept;
