@@ -135,3 +135,18 @@ def test_the_reference_is_that_of_the_docstrings():
                           capture_output=True, check=True).stdout
     wanted = (ROOT / "tools/guide/python_reference.md").read_text()
     assert made == wanted, "make it anew: the head of make_reference.py says how"
+
+
+def test_the_picture_of_the_force_can_be_drawn_anew():
+    """Wedge, axes and words are those of the guide's; the digs are this version's, from left to right."""
+    made = subprocess.run([sys.executable, ROOT / "tools/guide/force_picture.py"], text=True,
+                          capture_output=True, check=True).stdout
+    digs = []
+
+    def without_digs(svg):
+        return re.sub(r'points="[^"]{5000,}"', lambda curve: digs.append(curve[0]), svg)
+
+    assert without_digs(made) == without_digs((ROOT / "tools/guide/force.svg").read_text())
+    assert len(digs) == 2 * 4 and made.startswith("<svg")
+    ends = [[float(pair.split(",")[0]) for pair in (curve.split('"')[1].split()[i] for i in (0, -1))] for curve in digs]
+    assert ends[:4] == ends[4:], "all go the whole way"
