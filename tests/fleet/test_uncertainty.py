@@ -25,7 +25,7 @@ from soilvdb import noise as noises
 from soilvdb.fleet import InputError
 from soilvdb.fleet.cycles import Cycle, cycles_of, nearest_cycles
 from soilvdb.fleet.study import Scene, Study, scene_of
-from soilvdb.fleet.uncertainty import first_order, spread
+from soilvdb.fleet.uncertainty import _shares, first_order, spread
 
 NOISE = "position: {bias: [0, 0, 0.01], white: 0.001}\nbucket: {width: 0.02}\n"
 
@@ -337,6 +337,18 @@ def test_wrong_noise_is_told_in_one_line(tmp_path, text, why, capsys):
     said = capsys.readouterr().err
     assert said.startswith(f"soilvdb: {tmp_path}/{why}") and said.count("\n") == 1, said
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("shares, told", [
+    ({"lip": (1.0, 0.0)}, "; of lip 100 %"),
+    ({"lip": (0.7, 0.05), "width": (0.3, 0.05)}, "; of lip 60..80 %, width 20..40 %"),
+    ({"lip": (0.95, 0.1), "width": (0.3, 0.15)}, "; of lip 75..100 %"),  # width: 1 % or less may be all
+    ({"lip": (0.3, 0.15), "width": (0.2, 0.15)}, "; more draws would tell of what"),
+    ({"a": (0.4, 0.01), "b": (0.3, 0.01), "c": (0.2, 0.01), "d": (0.1, 0.01)}, "; of a 38..42 %, b 28..32 %, c 18..22 %"),
+    ({}, "")])
+def test_shares_are_told_as_well_as_they_are_known(shares, told):
+    sobol = {name: {"first_order": share, "error": error} for name, (share, error) in shares.items()}
+    assert _shares(sobol) == told
 
 
 def test_wrong_command_lines_and_scenarios(tmp_path, capsys):

@@ -455,8 +455,19 @@ def _print_figure(title: str, figure: dict[str, Any], unit: str = "m3",
                   scale: float = 1.0) -> None:
     mean, sigma, p05, p95 = (scale * figure[key] for key in ("mean", "sigma", "p05", "p95"))
     of_mean = f" ({100 * sigma / abs(mean):.1f} %)" if mean else ""
-    most = [f"{name} {max(0.0, 100 * index['first_order']):.0f} %"
-            for name, index in list(figure.get("sobol", {}).items())[:3]
-            if index["first_order"] > max(0.01, 2 * index["error"])]
     print(f"  {title:24} {mean:.4g} +- {sigma:.2g} {unit}{of_mean}, 5..95 %: {p05:.4g} .. "
-          f"{p95:.4g}" + (f"; of {', '.join(most)}" if most and sigma > 0 else ""))
+          f"{p95:.4g}{_shares(figure.get('sobol', {})) if sigma > 0 else ''}")
+
+
+def _shares(sobol: dict[str, dict[str, float]]) -> str:
+    """The sources with the largest shares of a variance, by their 95 % intervals; those that may be
+    none are not named."""
+    shares = []
+    for name, index in list(sobol.items())[:3]:
+        low, high = (100 * (index["first_order"] + sign * 1.96 * index["error"]) for sign in (-1, 1))
+        if low > 1:
+            digits = f"{low:.0f}", f"{min(high, 100):.0f}"
+            shares.append(f"{name} {'..'.join(dict.fromkeys(digits))} %")
+    if not shares:
+        return "; more draws would tell of what" if sobol else ""
+    return f"; of {', '.join(shares)}"
