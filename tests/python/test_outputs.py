@@ -57,6 +57,22 @@ def test_keys_of_a_comparison(folder):
     assert [keys(json.loads((folder / "deeper.json").read_text()))] == names("Compare two snapshots")
 
 
+def test_deep_soil_is_air_in_a_snapshot_and_soil_in_a_closed_level_set(folder):
+    vdb = pytest.importorskip("pyopenvdb")
+    known = json.loads((folder / "out/deeper/summary.json").read_text())["voxel_size_m"]
+
+    def values(file):
+        """In the air, and 0.15 and 0.55 m below the floor of the dig, which is 0.45 m deep."""
+        (grid,), _ = vdb.readAll(str(file))
+        assert grid.gridClass == "level set" and grid.background == pytest.approx(3 * known)
+        accessor = grid.getConstAccessor()
+        return [accessor.getValue(tuple(map(round, grid.transform.worldToIndex((1.0, 0.0, z))))) / known
+                for z in (0.3, -0.6, -1.0)]
+
+    assert values(folder / "out/deeper/soil_final.vdb") == pytest.approx([3, -3, 3], abs=0.1)
+    assert values(folder / "closed.vdb") == pytest.approx([3, -3, -3], abs=0.1)
+
+
 def test_files_of_a_run(folder):
     table = PAGE.read_text().split("\n## ")[0]
     for file in (folder / "out/rigid").iterdir():
