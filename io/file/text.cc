@@ -130,6 +130,22 @@ std::string csv_field(std::string_view text) {
   return quoted + '"';
 }
 
+std::string markup_text(std::string_view text) {
+  std::string markup;
+  for (const char c : text)
+    if (c == '&')
+      markup += "&amp;";
+    else if (c == '<')
+      markup += "&lt;";
+    else if (c == '>')
+      markup += "&gt;";
+    else if (c == '"')
+      markup += "&quot;";
+    else
+      markup += c;
+  return markup;
+}
+
 std::string shell_quoted(const std::filesystem::path& path) {
   const std::string text = path.string();
   const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {

@@ -58,6 +58,9 @@ std::string quoted_list(std::span<const std::string> words);
 /// A field of a CSV file, quoted as in RFC 4180.
 std::string csv_field(std::string_view text);
 
+/// `text` with entities in place of &, <, > and ", for XML and HTML.
+std::string markup_text(std::string_view text);
+
 /// `path` as an argument for a shell.
 std::string shell_quoted(const std::filesystem::path& path);
 

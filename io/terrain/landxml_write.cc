@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "io/file/atomic_file.h"
+#include "io/file/text.h"
 #include "io/terrain/crs.h"
 #include "io/terrain/tin.h"
 #include "soilvdb/version.h"
@@ -22,18 +23,7 @@ namespace {
 
 /// Text of an attribute.
 std::string xml_quoted(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : one_line(std::string(text), ' ')) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out + '"';
+  return '"' + markup_text(one_line(std::string(text), ' ')) + '"';
 }
 
 }  // namespace

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/file/text.h"
+
 namespace soilvdb::tools {
 namespace {
 
@@ -75,7 +77,7 @@ std::string framed(const std::string& content, const std::vector<ChartSeries>& s
     html += fmt::format(
         "<li><svg viewBox=\"0 0 12 12\" aria-hidden=\"true\"><rect width=\"12\" height=\"12\" "
         "fill=\"{}\"/></svg>{}</li>",
-        colour_of(series, i), html_text(series[i].name));
+        colour_of(series, i), io::markup_text(series[i].name));
   return html + "</ul>";
 }
 
@@ -114,22 +116,6 @@ std::string lines_of(const std::vector<ChartSeries>& series, const std::vector<d
 }
 
 }  // namespace
-
-std::string html_text(std::string_view text) {
-  std::string html;
-  for (const char c : text)
-    if (c == '&')
-      html += "&amp;";
-    else if (c == '<')
-      html += "&lt;";
-    else if (c == '>')
-      html += "&gt;";
-    else if (c == '"')
-      html += "&quot;";
-    else
-      html += c;
-  return html;
-}
 
 std::string chart_number(double value, int decimals) {
   std::string text = fmt::format("{:.{}f}", std::abs(value), decimals);

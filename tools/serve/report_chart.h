@@ -18,8 +18,6 @@ struct ChartSeries {
 /// The text of a time on the axis.
 using ChartTicks = std::function<std::string(double time_s)>;
 
-/// Text as HTML.
-std::string html_text(std::string_view text);
 /// A number with this many decimals, and thin spaces between thousands from 10 000 on.
 std::string chart_number(double value, int decimals);
 

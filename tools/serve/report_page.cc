@@ -9,6 +9,7 @@
 #include <ctime>
 #include <utility>
 
+#include "io/file/text.h"
 #include "tools/run/text.h"
 #include "tools/serve/report.h"
 #include "tools/serve/report_chart.h"
@@ -129,7 +130,7 @@ struct ReportLine {
 std::string table_cells(const Report& report, const ReportText& text, const ReportLine& line) {
   const Report::Row row = report.row(*line.period, line.machine);
   const Work work = line.machine ? line.period->machines[*line.machine] : line.period->all();
-  std::string cells = "<tr><th scope=\"row\">" + html_text(line.name) + "</th>";
+  std::string cells = "<tr><th scope=\"row\">" + io::markup_text(line.name) + "</th>";
   const auto add = [&](const std::string& name, const std::string& value) {
     cells += fmt::format("<td data-name=\"{}\">{}</td>", name, value);
   };
@@ -291,7 +292,7 @@ std::string notes_of(const Report& report) {
 
 std::string report_page(const Report& report, const std::string& token) {
   const ReportText text(report);
-  const std::string site = html_text(report.site());
+  const std::string site = io::markup_text(report.site());
   const std::vector<Report::Period>& periods = report.periods();
   std::string html = fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
@@ -316,7 +317,7 @@ std::string report_page(const Report& report, const std::string& token) {
     for (const Report::Period& period : periods)
       if (period.machines[i].first_s) lines.push_back({text.period(period), &period, i});
     if (lines.empty()) continue;
-    html += "<h2>" + html_text(report.names()[i]) + "</h2>\n" +
+    html += "<h2>" + io::markup_text(report.names()[i]) + "</h2>\n" +
             table_of(report, text, "Period", lines, {"Total", &report.total(), i});
   }
   return html + notes_of(report) + "</body></html>\n";

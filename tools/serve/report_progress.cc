@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/file/text.h"
+
 namespace soilvdb::tools {
 namespace {
 
@@ -21,7 +23,7 @@ std::string with_capital(std::string text) {
 
 std::string progress_row(const Report& report, const Progress& of, const ChartTicks& moment,
                          const std::string& unit) {
-  std::string row = "<tr><th scope=\"row\">" + html_text(of.name) + "</th>";
+  std::string row = "<tr><th scope=\"row\">" + io::markup_text(of.name) + "</th>";
   const auto add = [&](const std::string& name, const std::string& value) {
     row += fmt::format("<td data-name=\"{}\">{}</td>", name, value);
   };
@@ -78,9 +80,10 @@ std::string progress_html(const Report& report, const ChartTicks& ticks, const C
   for (const Progress& of : all) {
     const bool draws = of.times_s.size() > 1 && of.times_s.back() > of.times_s.front();
     const std::string note = with_capital(of.why_nothing.empty() ? of.note : of.why_nothing);
-    html += fmt::format("<figure><figcaption>{}{}</figcaption>{}{}</figure>\n", html_text(of.name),
-                        draws ? ", " + unit : "", draws ? progress_chart(report, of, ticks) : "",
-                        note.empty() ? "" : "<p class=\"faint\">" + html_text(note) + ".</p>");
+    html += fmt::format(
+        "<figure><figcaption>{}{}</figcaption>{}{}</figure>\n", io::markup_text(of.name),
+        draws ? ", " + unit : "", draws ? progress_chart(report, of, ticks) : "",
+        note.empty() ? "" : "<p class=\"faint\">" + io::markup_text(note) + ".</p>");
   }
   return html + "</div>\n";
 }
