@@ -271,7 +271,8 @@ class Robot {
   }
 
   /// The file of a <mesh>. Of package://NAME/PATH, the folder NAME is sought at and above that of
-  /// the URDF, and beside these.
+  /// the URDF, and beside these. If the package's folder has another name, or there is none, PATH
+  /// is sought at and above that of the URDF, and its last part beside the URDF.
   std::filesystem::path mesh_file(const XMLElement& mesh) const {
     const std::string name = attribute(mesh, "filename");
     constexpr std::string_view kFile = "file://", kPackage = "package://";
@@ -279,12 +280,20 @@ class Robot {
     if (name.starts_with(kFile)) return name.substr(kFile.size());
     if (!name.starts_with(kPackage)) return folder / name;
     const std::filesystem::path in_package = name.substr(kPackage.size());
-    std::error_code none;
+    const std::filesystem::path package = in_package.empty() ? "" : *in_package.begin();
+    const std::filesystem::path path = in_package.lexically_relative(package);
+    std::vector<std::filesystem::path> places;
     for (std::filesystem::path at = folder; at != at.root_path(); at = at.parent_path())
-      for (const auto& file : {at.parent_path() / in_package, at / in_package})
-        if (std::filesystem::exists(file, none)) return file;
-    fail(mesh, fmt::format("has '{}', and no folder '{}' at or above the URDF has that file",
-                           printable(name), printable(in_package.begin()->string())));
+      places.insert(places.end(), {at.parent_path() / in_package, at / in_package});
+    places.insert(places.end(),
+                  {folder / path, folder.parent_path() / path, folder / path.filename()});
+    std::error_code none;
+    for (const std::filesystem::path& file : places)
+      if (std::filesystem::is_regular_file(file, none)) return file;
+    fail(mesh,
+         fmt::format("has '{}', and no folder '{}' at or above the URDF has that file, nor the "
+                     "URDF's own",
+                     printable(name), printable(package.string())));
   }
 
   /// The velocity limit; unlimited if it is 0, which many files use for unknown, or beyond any

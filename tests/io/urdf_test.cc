@@ -270,6 +270,28 @@ TEST_F(Urdf, ShapesOfMeshesCoverThem) {
   }
 }
 
+// A package's folder may have another name, and whoever passes a machine on may put all in one.
+TEST_F(Urdf, MeshesOfAPackageAreFoundBesideTheUrdf) {
+  const auto length = [&](const std::string& urdf) {  // of the arm
+    const std::string mesh =
+        R"(<collision><geometry><mesh filename="package://digger/meshes/tip.obj"/></geometry></collision>)";
+    const Chain chain = read_chain(folder_.write(urdf, arm(mesh, "", "")), "bucket");
+    const std::vector<PlacedBoxes> bodies = chain.placed_bodies(std::array{0.0});
+    return bodies.size() == 2 ? around({bodies[0]}).max().x() : 0.0;
+  };
+  double longer = 0;
+  for (const char* place :
+       {"clone/urdf/tip.obj", "clone/meshes/tip.obj", "clone/urdf/meshes/tip.obj",
+        "clone/digger/meshes/tip.obj"}) {  // the last goes first
+    std::filesystem::create_directories((folder_ / place).parent_path());
+    EXPECT_NEAR(length("clone/urdf/m.urdf"), longer, 1e-6) << place;
+    folder_.write(place, fmt::format("v 0 0 0\nv {} 0 0\nv 0 1 0\nv 0 0 1\n"
+                                     "f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
+                                     ++longer));
+    EXPECT_NEAR(length("clone/urdf/m.urdf"), longer, 1e-6) << place;
+  }
+}
+
 TEST_F(Urdf, LinksWhoseJointsCantBeReadAreSaid) {
   const std::string box = R"(<collision><geometry><box size="1 1 1"/></geometry></collision>)";
   const auto said = [&](const std::string& joint) {
@@ -319,7 +341,7 @@ TEST_F(Urdf, ShapesThatCantBeReadAreSaidOnceAndTheOthersCount) {
   EXPECT_EQ(warning("<collision/>"), "link 'arm' has no <geometry> with a shape");
   EXPECT_EQ(warning(collision(R"(<mesh filename="package://far/boom.stl"/>)")),
             "link 'arm' has 'package://far/boom.stl', and no folder 'far' at or above the URDF has "
-            "that file");
+            "that file, nor the URDF's own");
   const auto two = folder_.write("m.urdf", arm(collision(R"(<mesh filename="a.dae"/>)"),
                                                collision(R"(<mesh filename="b.stl"/>)"), ""));
   const Chain chain = read_chain(two, "bucket");
