@@ -71,6 +71,10 @@ struct DocumentStarts : YAML::EventHandler {
 }  // namespace
 
 YAML::Node read_yaml(const std::filesystem::path& file) {
+  if (suffix_of(file) == ".vdb")
+    throw InputError(file,
+                     "is a .vdb, and a scenario is YAML; its 'terrain: {level_set: FILE}' may be a "
+                     ".vdb, and 'soilvdb info' shows what is in it");
   const std::string text = read_text(file, kMaxYamlBytes);
   try {
     const DocumentStarts starts(text);

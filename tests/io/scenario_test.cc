@@ -225,6 +225,11 @@ TEST_F(ScenarioFile, FilesThatAreNoScenario) {
   EXPECT_EQ(error_of("# nothing\n"), "s.yaml: is empty");
   EXPECT_EQ(error_of(std::string("PK\3\4\0\0", 6)),
             "s.yaml: is a binary file; it must be UTF-8 text");
+  for (const char* content : {"\x20\x42\x44\x56\0\0", "hello"})
+    EXPECT_EQ(
+        test::message_of(folder_, [&] { read_scenario(folder_.write("a.vdb", content)); }),
+        "a.vdb: is a .vdb, and a scenario is YAML; its 'terrain: {level_set: FILE}' may be a .vdb, "
+        "and 'soilvdb info' shows what is in it");
   EXPECT_EQ(
       error_of("hello\n"),
       "s.yaml:1: scenario is 'hello'; it must be a map with keys of "

@@ -107,6 +107,13 @@ def test_wrong_rasters_are_told(tmp_path, arguments, why):
         soilvdb.write_raster(tmp_path / "no/such/folder/x.tif", np.zeros((3, 3)), (0, 0), (1, 1))
 
 
+@pytest.mark.parametrize("given", [{"pours": [soilvdb.Pour((0, 0, 2), 0.5, (0, 1))]},
+                                   {"hoppers": [soilvdb.Hopper((0, 0, 1, 1), 1.0)]}])
+def test_soil_that_comes_or_goes_needs_soil_that_moves(given):
+    with pytest.raises(ValueError, match=r"pours and hoppers .* give soil=Soil\(repose_angle=..\) as well"):
+        soilvdb.Site(0.1, soilvdb.plane(0.0), [], **given)
+
+
 def test_ledgers_of_a_site_say_what_fell(tmp_path):
     site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)],
                         soil=soilvdb.Soil(repose_angle=0.6),

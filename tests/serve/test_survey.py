@@ -274,7 +274,7 @@ def test_viewers_and_feeds_go_on_meanwhile(site, tmp_path):
     (lambda f: tif(f, surface(), crs="EPSG:4326"), "survey.tif"),
     (lambda f: tif(f, surface(), options=("-a_nodata", "10")) and tif(f, np.full((SIDE, SIDE), np.nan)), "no height"),
     (lambda f: tif(f, surface())[:20000], "damaged"),
-    (lambda f: b"\x89PNG\r\n\x1a\n" + bytes(500), "not a raster format"),
+    (lambda f: b"\x89PNG\r\n\x1a\n" + bytes(500), "the body is no survey; it must be a GeoTIFF"),
     (lambda f: b"<?xml version='1.0'?><gpx/>", "survey.xml"),
     (lambda f: b"--x\r\nContent-Disposition: form-data\r\n", "--data-binary"),
     (lambda f: b"", "no body"),

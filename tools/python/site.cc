@@ -61,6 +61,9 @@ Session make_session(double voxel_size, const TerrainValue& terrain, const py::t
   }
   site.earthmoving = {soil, values<Pour>(pours, "pours", kPours),
                       values<Hopper>(hoppers, "hoppers", kHoppers)};
+  if (!soil && !(site.earthmoving.pours.empty() && site.earthmoving.hoppers.empty()))
+    throw py::value_error(
+        "pours and hoppers are for soil that moves; give soil=Soil(repose_angle=..) as well");
   if (!near.is_none()) site.near_m = vector3(near, "near");
   require_own_process();
   const Released released;

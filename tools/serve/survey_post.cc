@@ -57,6 +57,10 @@ const char* suffix_of_bytes(const fs::path& file) {
   const std::size_t first = begin.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   if (first != begin.npos && begin[first] == '<') return ".xml";
   if (begin.find("SECTION") != begin.npos || begin.find("$ACADVER") != begin.npos) return ".dxf";
+  if (std::any_of(begin.begin(), begin.end(),
+                  [](unsigned char c) { return c < '\t' || c == 0x7F; }))
+    throw std::invalid_argument(
+        "the body is no survey; it must be a GeoTIFF, an Esri ASCII grid, LandXML or DXF");
   return ".asc";
 }
 
