@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -33,6 +34,9 @@ void make_room(std::map<int, T>& by_sensor, int came) {
 
 std::string RayCounts::doubt() const {
   const std::int64_t all = used + through + added + dropped;
+  if (all + masked == 0 && far > 0)
+    return "all points of scans are beyond their sensor's max_range; are its place and the points' "
+           "frame right, and both in metres?";
   if (2 * used >= all) return {};
   return std::to_string(
              std::llround(100.0 * static_cast<double>(all - used) / static_cast<double>(all))) +
@@ -227,10 +231,11 @@ void ScanState::require_room(const Eigen::AlignedBox2d& around_m,
     if (!tiles.contains(plan_key(tile))) more.insert(plan_key(tile));
   }
   if (tiles.size() + more.size() > kMaxSurveyTiles)
-    throw std::invalid_argument(
-        "scans may see " + std::to_string(kMaxSurveyTiles) + " squares of " +
-        std::to_string(kChunkSide) + " x " + std::to_string(kChunkSide) +
-        " voxels, and with this one see more; leave far points out, or take larger voxels");
+    throw std::invalid_argument("scans may see " + std::to_string(kMaxSurveyTiles) +
+                                " squares of " + std::to_string(kChunkSide) + " x " +
+                                std::to_string(kChunkSide) +
+                                " voxels, and with this one see more; give the sensor a max_range, "
+                                "in m, or take larger voxels");
 }
 
 std::pair<int, bool> ScanState::find(const Sensor& sensor) const {
@@ -304,6 +309,13 @@ void GroundScans::scan(const Sensor& sensor, std::span<const Vec3> points_m,
                        std::span<const Pose* const> poses, std::span<const PlacedBoxes> bodies) {
   sensor.validate();
   const Vec3& from = sensor.pose.position;
+  std::vector<Vec3> near_m;
+  const std::size_t given = points_m.size();
+  if (std::isfinite(sensor.max_range_m)) {
+    std::copy_if(points_m.begin(), points_m.end(), std::back_inserter(near_m),
+                 [&](const Vec3& point) { return !((point - from).norm() > sensor.max_range_m); });
+    points_m = near_m;
+  }
   Eigen::AlignedBox2d around_m;
   for (std::size_t i = 0; i < points_m.size(); ++i) {
     if (!((points_m[i] - from).squaredNorm() <= kMostScanRangeM * kMostScanRangeM))
@@ -318,6 +330,7 @@ void GroundScans::scan(const Sensor& sensor, std::span<const Vec3> points_m,
   Sensor named = sensor;
   named.name += " (poses as given)";
   if (is_moving(sensor)) state_->find(named);
+  state_->rays.far += static_cast<std::int64_t>(given - points_m.size());
   ScanRays ends = state_->unmasked(sensor, points_m, poses, bodies);
   // When the ground is read shows in what is known of it: only what will be recorded reads it.
   if (is_known && ends.count() == 0) return;

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
 #include <stdexcept>
 
 #include "core/constants.h"
@@ -40,8 +41,12 @@ void Sensor::validate() const {
     throw std::invalid_argument("a sensor's pose: " + what);
   for (const SensorSigma& sigma : kSensorSigmas)
     if (const double value = this->*sigma.field; !(value >= 0 && value <= kMostSensorSigma))
-      throw std::invalid_argument(std::string(sigma.name) + " is " + text(value) +
-                                  "; it must be from 0 to " + text(kMostSensorSigma));
+      throw std::invalid_argument(std::string(sigma.name) + " is " + text(value) + " " +
+                                  sigma.unit + "; it must be from 0 to " + text(kMostSensorSigma) +
+                                  " " + sigma.unit);
+  if (!(max_range_m > 0) || (std::isfinite(max_range_m) && max_range_m > kMostScanRangeM))
+    throw std::invalid_argument("max_range is " + text(max_range_m) +
+                                "; it must be more than 0 and at most " + text(kMostScanRangeM));
   if (range_sigma_m == 0 && range_squared_sigma_per_m == 0)
     throw std::invalid_argument("range_sigma and range_squared_sigma are 0; one must be more");
 }

@@ -113,11 +113,11 @@ SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& s
     map.fail("link", "'link' goes with 'machine', whose it is; add that, or remove 'link'");
   if (map.has("noise") && !map.is_map("noise")) {
     try {
-      const RangeNoise noise = noise_of(map.text("noise"));
+      const RangeNoise noise = noise_of(printable(map.text("noise")));
       sensor.range_sigma_m = noise.sigma_m;
       sensor.range_squared_sigma_per_m = noise.squared_per_m;
     } catch (const std::invalid_argument& e) {
-      map.fail("noise", fmt::format("noise: {}", printable(e.what())));
+      map.fail("noise", fmt::format("noise: {}", e.what()));
     }
   } else if (map.has("noise")) {
     sensor.range_sigma_m = 0;
@@ -127,19 +127,25 @@ SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& s
   }
   if (map.has("mount")) read_sigmas(map, "mount", sensor);
   if (map.has("pose")) read_sigmas(map, "pose", sensor);
+  if (map.has("max_range")) sensor.max_range_m = map.number("max_range");
   if (map.has("machine"))
     warn_of_poses(map, "machine", sensor,
                   fmt::format("moves with '{}'", printable(map.text("machine"))), scenario);
   try {
     sensor.validate();
   } catch (const std::invalid_argument& e) {
-    map.fail(map.has("noise") ? "noise" : "at", fmt::format("sensor '{}': {}", name, e.what()));
+    const bool of_range = std::string_view(e.what()).starts_with("max_range");
+    map.fail(of_range           ? "max_range"
+             : map.has("noise") ? "noise"
+                                : "at",
+             fmt::format("sensor '{}': {}", name, e.what()));
   }
   return scan;
 }
 
-/// Refuses points of a file that are too far from their sensor.
+/// Refuses points of a file that are too far from their sensor, unless it leaves such out.
 void check_points(const YamlMap& map, const ScanInput& scan, const std::vector<Vec3>& points_m) {
+  if (std::isfinite(scan.sensor.max_range_m)) return;
   const Vec3 eye = scan.in_world ? scan.sensor.pose.position : Vec3(0, 0, 0);
   for (std::size_t i = 0; i < points_m.size(); ++i) {
     const double range_m = (points_m[i] - eye).norm();
@@ -331,10 +337,10 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
   std::map<std::string, SensorInput>& sensors = result.sensors;
   if (scenario.has("sensors"))
     for (const std::string& name : scenario.keys("sensors"))
-      sensors[name] = read_sensor(
-          scenario.map("sensors", scenario.keys("sensors"))
-              .map(name, {"at", "rotation", "machine", "link", "noise", "mount", "pose"}),
-          name, result);
+      sensors[name] = read_sensor(scenario.map("sensors", scenario.keys("sensors"))
+                                      .map(name, {"at", "rotation", "machine", "link", "noise",
+                                                  "mount", "pose", "max_range"}),
+                                  name, result);
   if (!scenario.has("scans")) return;
   for (const YamlMap& map :
        scenario.maps("scans", "scan",

@@ -200,6 +200,9 @@ TEST_F(ScanRun, RefusesWhatIsNoScan) {
   expect_refused_line("scans:\n  - {sensor: mast, file: floor.csv, time: 1}\n",
                       "dig.yaml:9: there is no sensor 'mast'");
   expect_refused_line("sensors: {mast: {at: [0, 0, 4], noise: {range: -1}}}\n", "range is -1");
+  expect_refused_line("sensors: {mast: {at: [0, 0, 4], noise: ouster}}\n",
+                      "the noise of 'ouster' is not known; known are ouster_os1, realsense_d435, "
+                      "realsense_d455. Or give the sigmas of its ranges\n");
   expect_refused_line("sensors: {mast: {at: [0, 0, 4], mast: 3}}\n", "unknown");
   expect_refused_line("sensors: {mast: {machine: diger}}\n", "there is no machine 'diger'");
   expect_refused_line("sensors: {mast: {machine: digger, link: boom}}\n", "no 'urdf'");
@@ -389,6 +392,72 @@ TEST_F(CarriedScanRun, IsWarnedOfWithoutAnAccuracyOfItsPoses) {
   EXPECT_FALSE(warned(place));
   for (const char* known : {"{shift: 0.01}", "{turn: 0.01}"})
     EXPECT_FALSE(warned("machine: digger, " + place + ", pose: " + known)) << known;
+}
+
+/// A scan of which most points are so far apart that scans would see too much ground.
+class FarScanRun : public ScanRun {
+ protected:
+  void SetUp() override {
+    ScanRun::SetUp();
+    std::string points = read_file(folder() / "floor.csv");
+    for (int i = 0; i < 260; ++i)
+      for (int j = 0; j < 260; ++j) points += fmt::format("{},{},0\n", 20 + 2 * i, 20 + 2 * j);
+    points += "0,5000,0\n";
+    write_file(folder() / "far.csv", points);
+  }
+  void write_far(const std::string& key) const {
+    write("sensors: {mast: {at: [1, -4, 4], noise: {range: 0.005}" + key + "}}\n" +
+          "scans:\n  - {sensor: mast, file: floor.csv, time: 4.8, frame: world}\n"
+          "  - {sensor: mast, file: far.csv, time: 4.9, frame: world}\n");
+  }
+};
+
+TEST_F(FarScanRun, LeavesOutWhatIsBeyondTheSensorsRange) {
+  write_far("");
+  EXPECT_NE(run("run dig.yaml").err.find("it must be within 1000 m"), std::string::npos);
+  write_far(", max_range: 15");
+  EXPECT_EQ(good("run dig.yaml").err, "");
+  const nlohmann::json far = summary();
+  write(kScans);  // the same without these points
+  fs::remove_all(out());
+  good("run dig.yaml");
+  EXPECT_EQ(summary()["state_hash"], far["state_hash"]);
+  EXPECT_EQ(summary()["volume_m3"], far["volume_m3"]);
+}
+
+TEST_F(FarScanRun, GoesOnWithASmallerRangeWhereScansSawTooMuch) {
+  write_far(", max_range: 1000");
+  const Result failed = run("run dig.yaml");
+  EXPECT_EQ(failed.status, 1);
+  EXPECT_NE(failed.err.find("far.csv: scan at 4.9 s: scans may see 65536 squares of 8 x 8 voxels"),
+            std::string::npos)
+      << failed.err;
+  EXPECT_NE(failed.err.find("give the sensor a max_range"), std::string::npos) << failed.err;
+  EXPECT_NE(failed.err.find("once that is mended `soilvdb resume out/dig` goes on from 4.8 s"),
+            std::string::npos)
+      << failed.err;
+  EXPECT_EQ(run("resume out/dig").status, 1) << "it is not mended";
+  write_far(", max_range: 15, mount: {height: 0.02}");
+  const Result other = run("resume out/dig");
+  EXPECT_EQ(other.status, 2);
+  EXPECT_NE(other.err.find("has changed since the run"), std::string::npos) << other.err;
+  write_far(", max_range: 15");
+  good("resume out/dig");
+  const nlohmann::json mended = summary();
+  fs::remove_all(out());
+  good("run dig.yaml");
+  EXPECT_EQ(summary()["state_hash"], mended["state_hash"]);
+  EXPECT_EQ(summary()["machines"], mended["machines"]);
+}
+
+TEST_F(ScanRun, RefusesARangeThatNoSensorHas) {
+  for (const char* range : {"0", "-1", "1000.1"})
+    expect_refused_line(fmt::format("sensors:\n  mast:\n    at: [1, -4, 4]\n    max_range: {}\n"
+                                    "scans: [{{sensor: mast, file: floor.csv, time: 4.8}}]\n",
+                                    range),
+                        fmt::format("dig.yaml:11: sensor 'mast': max_range is {}; it must be more "
+                                    "than 0 and at most 1000",
+                                    range));
 }
 
 TEST_F(ScanRun, OfAnotherClockAreWarnedOf) {  // the motion is from 0 to 5 s

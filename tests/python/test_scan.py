@@ -489,7 +489,7 @@ NAN = float("nan")
     {"rotation": (0, NAN, 0, 1)}, {"rotation": (0, 0, 1)}, {"range_sigma": -0.01}, {"range_sigma": NAN},
     {"range_squared_sigma": -1e-3}, {"mount_height_sigma": -0.01}, {"mount_tilt_sigma": -1},
     {"mount_scale_sigma": NAN}, {"pose_shift_sigma": -0.01}, {"pose_turn_sigma": NAN},
-    {"pose_turn_sigma": 11}])
+    {"pose_turn_sigma": 11}, {"max_range": 0}, {"max_range": -1}, {"max_range": NAN}, {"max_range": 1001}])
 def test_wrong_sensors_are_refused(wrong):
     site = dig(8)
     state = site.save()
@@ -500,7 +500,7 @@ def test_wrong_sensors_are_refused(wrong):
 
 @pytest.mark.parametrize("wrong", [
     {"points": np.ones(3)}, {"points": np.ones((4, 2))}, {"points": np.ones((2, 3, 3))},
-    {"depth": np.ones(4), "intrinsics": INTRINSICS},
+    {"depth": np.ones(4), "intrinsics": INTRINSICS}, {"depth": np.ones((4, 4, 1)), "intrinsics": INTRINSICS},
     {"depth": np.ones((4, 4)), "intrinsics": (1, 1, 0)},
     {"depth": np.ones((4, 4)), "intrinsics": (0, 1, 0, 0)},
     {"depth": np.ones((4, 4)), "intrinsics": (NAN, 1, 0, 0)},
@@ -526,7 +526,8 @@ def test_points_in_the_world_need_the_sensors_position():
             site.scan(sensor, np.ones((4, 3)), world=True)
     site.scan(unplaced, np.ones((4, 3)))
     moving = pickle.loads(pickle.dumps(soilvdb.Sensor(pose_shift_sigma=0.02, pose_turn_sigma=0.005)))
-    assert (moving.pose_shift_sigma, moving.pose_turn_sigma) == (0.02, 0.005)
+    assert (moving.pose_shift_sigma, moving.pose_turn_sigma, moving.max_range) == (0.02, 0.005, math.inf)
+    assert pickle.loads(pickle.dumps(soilvdb.Sensor(max_range=30))).max_range == 30
 
 
 def test_simulated_images_have_the_sensors_noise():
@@ -600,6 +601,46 @@ def test_points_too_far_away_are_refused(points):
     site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
     with pytest.raises(ValueError, match="point 0 must be numbers, and within 1000 m"):
         site.scan(ABOVE, points)
+
+
+@pytest.mark.parametrize("world", [False, True])
+def test_points_beyond_a_sensors_range_are_counted_and_tell_nothing(world):
+    eye = np.array([0.0, -3.5, 3.0])
+    near = over(dig(8), 0.0, (-3, -3), (3, 3)) - (0 if world else eye)
+    ranges = np.linalg.norm(near - (eye if world else 0), axis=1)
+    reach = np.sort(ranges)[len(ranges) * 2 // 3]        # that point is within it
+    out = near[ranges > reach]
+    beyond = np.array([(0, 2000, 0), (1e7, 0, 0)])       # refused without a largest range
+    given = {"position": eye, "range_sigma": 0.01}
+    site, other = dig(8), dig(8)
+    everything = np.concatenate([beyond, near])
+    with pytest.raises(ValueError, match="within 1000 m"):
+        site.scan(soilvdb.Sensor(**given), everything, world=world)
+    site.scan(soilvdb.Sensor(**given, max_range=reach), everything, world=world)
+    other.scan(soilvdb.Sensor(**given), near[ranges <= reach], world=world)
+    survey, wanted = site.apply_scans(), other.apply_scans()
+    assert survey.rays == {**wanted.rays, "far": len(out) + 2} and wanted.rays["far"] == 0
+    assert pickle.loads(pickle.dumps(survey)).rays == survey.rays
+    assert site.save() == other.save() and survey.rays["used"] > 100
+    assert site.apply_scans().rays["far"] == 0, "since the last time"
+
+
+def test_scans_all_of_whose_points_are_too_far_are_told():
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [])
+    site.scan(soilvdb.Sensor(position=(0, 0, 5), max_range=4.0), [(0, 0, -5.0), (1, 0, -5.0)])
+    with pytest.warns(UserWarning, match="all points of scans are beyond their sensor's max_range"):
+        assert site.apply_scans().rays["far"] == 2
+
+
+def test_what_makes_scans_see_too_much_ground_is_told():
+    """Far points of a lidar; with a largest range they are no more than others."""
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [])
+    x, y = np.meshgrid(np.arange(-260, 260, 2.0), np.arange(-260, 260, 2.0))    # 67 600 squares of 0.8 m
+    far = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -4.0)])
+    with pytest.raises(ValueError, match="65536 squares of 8 x 8 voxels, .* give the sensor a max_range, in m, or"):
+        site.scan(soilvdb.Sensor(name="a", position=(0, 0, 4), range_sigma=0.01), far)
+    site.scan(soilvdb.Sensor(name="a", position=(0, 0, 4), range_sigma=0.01, max_range=50), far)
+    assert site.apply_scans().rays["far"] > 60_000
 
 
 def test_a_first_scan_gives_a_plane_its_place():

@@ -174,7 +174,7 @@ def test_soil_that_was_taken_behind_the_servers_back_is_found(tmp_path):
         assert answer["removed_m3"] == pytest.approx(volume, rel=0.005)
         assert answer["added_m3"] < 0.005 * volume and 0 < answer["sigma_m3"] < 0.1 * volume
         assert answer["time"] == 1.5 and answer["acknowledged_s"] == 1.0
-        assert list(answer["rays"]) == ["used", "masked", "through", "new", "dropped"]
+        assert list(answer["rays"]) == ["used", "masked", "through", "new", "dropped", "far"]
         assert sum(answer["rays"].values()) <= image.size and answer["rays"]["through"] > 100
         assert set(answer["lip_error"]) == {"digger", "plate"}
         assert server.json("/height?x=0.5&y=0.5")["height_m"] == pytest.approx(-0.5, abs=0.005)
@@ -343,6 +343,8 @@ BAD = [
     (message({**OWN, "position": [0, 0]}), "header: 'position' must be an array of 3 numbers"),
     (message({**OWN, "position": [1e300, 0, 0]}), "header: "),
     (message({**OWN, "noise": "lidar9"}), "header: "),
+    (message({**OWN, "max_range": 0}), "header: max_range is 0; it must be more than 0 and at most 1000"),
+    (message({**OWN, "max_range": "9"}), "header: 'max_range' must be a number"),
     (message({**OWN, "noise": {"range": 0}}), "header: 'noise' has neither range nor range_squared"),
     (message({**OWN, "noise": {"range": -1}}), "header: 'range' is -1; it must be 0 to 10"),
     (message({**OWN, "mount": {"height": 11}}), "header: 'height' is 11; it must be 0 to 10"),
@@ -394,6 +396,8 @@ def test_bad_messages_are_refused_and_change_nothing(tmp_path):
         # A sensor keeps its noise, and does not change its name with each scan.
         other, = scan(server, [message({**POINTS, "noise": {"range": 0.1}}, THREE.tobytes())])
         assert "sensor 'mast' had other sigmas before" in other["error"]
+        far, = scan(server, [message({**POINTS, "max_range": 2}, (THREE * 1000).tobytes())])
+        assert far["rays"]["far"] == 3 and "beyond their sensor's max_range" in far["warning"]
         names = [message({**OWN, "sensor": f"camera {i}"}) for i in range(32)]
         answers = scan(server, names)
         assert all("error" not in answer for answer in answers[:31])

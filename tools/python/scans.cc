@@ -29,7 +29,7 @@ Sensor sensor_of(const py::object& position, const py::object& rotation, const p
                  const std::string& name, std::optional<double> range_sigma,
                  std::optional<double> range_squared_sigma, double height_sigma, double tilt_sigma,
                  double scale_sigma, const std::optional<std::string>& noise, double shift_sigma,
-                 double turn_sigma) {
+                 double turn_sigma, std::optional<double> max_range) {
   Sensor sensor;
   sensor.name = name;
   sensor.has_place = !position.is_none() || !matrix.is_none();
@@ -46,6 +46,7 @@ Sensor sensor_of(const py::object& position, const py::object& rotation, const p
   sensor.mount_scale_sigma = scale_sigma;
   sensor.pose_shift_sigma_m = shift_sigma;
   sensor.pose_turn_sigma_rad = turn_sigma;
+  if (max_range) sensor.max_range_m = *max_range;
   sensor.validate();
   return sensor;
 }
@@ -53,7 +54,11 @@ Sensor sensor_of(const py::object& position, const py::object& rotation, const p
 /// Where rays ended, in the sensor's frame, of a depth image.
 std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsics) {
   const Array image = array_of(depth, "depth");
-  if (image.ndim() != 2) throw py::value_error("depth must have the shape (H, W)");
+  if (image.ndim() != 2)
+    throw py::value_error(fmt::format(
+        "depth must be an image of rows and columns of pixels, an array (H, W); it has {} "
+        "dimension{}",
+        image.ndim(), image.ndim() == 1 ? "" : "s"));
   std::array<double, 4> k;
   if (intrinsics.is_none()) throw py::type_error("a depth image needs intrinsics=(fx, fy, cx, cy)");
   numbers(intrinsics, "intrinsics", k);
@@ -146,6 +151,7 @@ py::dict rays_of(const SurveyValue& value) {
   counts["through"] = rays.through;
   counts["new"] = rays.added;
   counts["dropped"] = rays.dropped;
+  counts["far"] = rays.far;
   return counts;
 }
 
@@ -270,23 +276,26 @@ void bind_sensor(py::module_& m) {
           py::arg("mount_tilt_sigma") = Sensor{}.mount_tilt_sigma_rad,
           py::arg("mount_scale_sigma") = Sensor{}.mount_scale_sigma, py::arg("noise") = none,
           py::arg("pose_shift_sigma") = Sensor{}.pose_shift_sigma_m,
-          py::arg("pose_turn_sigma") = Sensor{}.pose_turn_sigma_rad,
+          py::arg("pose_turn_sigma") = Sensor{}.pose_turn_sigma_rad, py::arg("max_range") = none,
           "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
           "Without them points are in the world's axes from (0, 0, 0). Scans with world=True need "
           "the "
-          "position as well, because rays begin there, and are refused without. Defaults of the "
-          "standard deviations: range_sigma "
-          "0.02, range_squared_sigma 0, mount_height_sigma 0.01, mount_tilt_sigma 0.002, "
-          "mount_scale_sigma 0.002. Standard deviations: of a "
-          "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
-          "second, range_squared_sigma = subpixel / (f * baseline). Or noise, that of a known "
-          "sensor: 'ouster_os1', 'realsense_d435', 'realsense_d455'. Of the mount: height, m; tilt "
-          "about each horizontal axis, rad; scale of ranges. Of a sensor that moves also those of "
+          "position as well, because rays begin there, and are refused without. Standard "
+          "deviations: "
+          "of a ray of R metres range_sigma + range_squared_sigma * R**2, m, with range_sigma in m "
+          "(0.02) and range_squared_sigma in 1/m (0); of the mount: mount_height_sigma, m (0.01), "
+          "mount_tilt_sigma about each horizontal axis, rad (0.002), and mount_scale_sigma, a "
+          "share "
+          "of ranges (0.002). A stereo camera has range_squared_sigma = subpixel / (f * baseline). "
+          "In place of both of a ray: noise, that of a known "
+          "sensor: 'ouster_os1', 'realsense_d435', 'realsense_d455'. Of a sensor that moves also "
+          "those of "
           "each scan's pose: pose_shift_sigma along each axis, m, and pose_turn_sigma about each, "
           "rad; 0 by default, for a fixed mount. The pose of each scan is then fitted to ground "
-          "that nobody touched, if the scan sees 20 squares of 1 m of it. Raises ValueError for "
-          "negative "
-          "sigmas, and without any noise of the range.")
+          "that nobody touched, if the scan sees 20 squares of 1 m of it. max_range, m, at most "
+          "1000: "
+          "farther points are left out, and counted as far; default: they are refused beyond 1000. "
+          "Raises ValueError for negative sigmas, and without any noise of the range.")
       .def_readonly("name", &Sensor::name)
       .def_property_readonly(
           "position", [](const Sensor& s) { return Array(py::ssize_t{3}, s.pose.position.data()); })
@@ -301,6 +310,7 @@ void bind_sensor(py::module_& m) {
       .def_readonly("mount_scale_sigma", &Sensor::mount_scale_sigma, "share of range")
       .def_readonly("pose_shift_sigma", &Sensor::pose_shift_sigma_m, "m")
       .def_readonly("pose_turn_sigma", &Sensor::pose_turn_sigma_rad, "rad")
+      .def_readonly("max_range", &Sensor::max_range_m, "m; infinite without one")
       .def(py::pickle(
           [](const Sensor& s) {
             const Vec3& p = s.pose.position;
@@ -308,17 +318,17 @@ void bind_sensor(py::module_& m) {
             const auto if_placed = [&](py::object value) {
               return s.has_place ? std::move(value) : py::none();
             };
-            return py::make_tuple(s.name, if_placed(py::make_tuple(p.x(), p.y(), p.z())),
-                                  if_placed(py::make_tuple(q.x(), q.y(), q.z(), q.w())),
-                                  s.range_sigma_m, s.range_squared_sigma_per_m,
-                                  s.mount_height_sigma_m, s.mount_tilt_sigma_rad,
-                                  s.mount_scale_sigma, s.pose_shift_sigma_m, s.pose_turn_sigma_rad);
+            return py::make_tuple(
+                s.name, if_placed(py::make_tuple(p.x(), p.y(), p.z())),
+                if_placed(py::make_tuple(q.x(), q.y(), q.z(), q.w())), s.range_sigma_m,
+                s.range_squared_sigma_per_m, s.mount_height_sigma_m, s.mount_tilt_sigma_rad,
+                s.mount_scale_sigma, s.pose_shift_sigma_m, s.pose_turn_sigma_rad, s.max_range_m);
           },
           [](const py::tuple& t) {
             return sensor_of(t[1], t[2], py::none(), t[0].cast<std::string>(), t[3].cast<double>(),
                              t[4].cast<double>(), t[5].cast<double>(), t[6].cast<double>(),
                              t[7].cast<double>(), std::nullopt, t[8].cast<double>(),
-                             t[9].cast<double>());
+                             t[9].cast<double>(), t[10].cast<double>());
           }))
       .def("__repr__", [](const Sensor& s) {
         const Vec3& p = s.pose.position;
@@ -346,35 +356,36 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
           "lip_error", &lip_errors_of,
           "by number or name of a machine: (mean, sigma), m, by how much its lip "
           "is told too high")
-      .def_property_readonly("rays", &rays_of,
-                             "numbers of rays: used, masked (met a machine), through (went through "
-                             "soil expected there), new (met new ground), dropped")
+      .def_property_readonly(
+          "rays", &rays_of,
+          "numbers of rays: used, masked (met a machine), through (went through "
+          "soil expected there), new (met new ground), dropped, far (beyond max_range)")
       .def(py::pickle(
           [](const SurveyValue& v) {
             std::vector<std::array<double, 2>> lips;
             for (const Estimate& lip : v.of.lip_errors_m) lips.push_back({lip.mean, lip.sigma});
             const RayCounts& rays = v.of.rays;
-            return py::make_tuple(
-                v.of.removed_m3, v.of.added_m3, v.of.sigma_m3, lips,
-                std::array{rays.used, rays.masked, rays.through, rays.added, rays.dropped},
-                v.machines);
+            return py::make_tuple(v.of.removed_m3, v.of.added_m3, v.of.sigma_m3, lips,
+                                  std::array{rays.used, rays.masked, rays.through, rays.added,
+                                             rays.dropped, rays.far},
+                                  v.machines);
           },
           [](const py::tuple& t) {
             SurveyValue v{{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>(), {}, {}},
                           t[5].cast<std::vector<std::string>>()};
             for (const auto& lip : t[3].cast<std::vector<std::array<double, 2>>>())
               v.of.lip_errors_m.push_back({lip[0], lip[1]});
-            const auto rays = t[4].cast<std::array<std::int64_t, 5>>();
-            v.of.rays = {rays[0], rays[1], rays[2], rays[3], rays[4]};
+            const auto rays = t[4].cast<std::array<std::int64_t, 6>>();
+            v.of.rays = {rays[0], rays[1], rays[2], rays[3], rays[4], rays[5]};
             return v;
           }))
       .def("__repr__", [](const SurveyValue& v) {
         const RayCounts& rays = v.of.rays;
         return fmt::format(
             "soilvdb.Survey(removed_m3={:.4g}, added_m3={:.4g}, sigma_m3={:.2g}, rays: {} used, {} "
-            "masked, {} through, {} new, {} dropped)",
+            "masked, {} through, {} new, {} dropped, {} far)",
             v.of.removed_m3, v.of.added_m3, v.of.sigma_m3, rays.used, rays.masked, rays.through,
-            rays.added, rays.dropped);
+            rays.added, rays.dropped, rays.far);
       });
   py::class_<SurveyedGround>(m, "SurveyedGround", "What a survey changed, from Site.survey().")
       .def_readonly("area_m2", &SurveyedGround::area_m2, "where the ground has its heights now")

@@ -22,8 +22,12 @@ using Json = nlohmann::json;
 constexpr int kConfigFormat = 4;  // format 3 told scans and surveys apart by counts
 
 /// The change of a scenario, in words. After a stop at a bad row, a run may be continued with
-/// bad_rows: skip.
+/// bad_rows: skip, and after a scan that saw too much, with another max_range of its sensor.
 std::string change_between(io::ScenarioValues before, io::ScenarioValues now) {
+  for (io::ScenarioValues* values : {&before, &now})
+    std::erase_if(*values, [](const auto& value) {
+      return value.first.starts_with("sensors.") && value.first.ends_with(".max_range");
+    });
   std::erase_if(now, [&](const auto& value) {
     const bool skips = value.first.ends_with(".bad_rows") && value.second == "skip";
     if (skips) before.erase(value.first);

@@ -130,7 +130,8 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
                    {"masked", survey.rays.masked},
                    {"through", survey.rays.through},
                    {"new", survey.rays.added},
-                   {"dropped", survey.rays.dropped}}},
+                   {"dropped", survey.rays.dropped},
+                   {"far", survey.rays.far}}},
                  {"lip_error", Json::object()}};
   for (std::size_t i = 0; i < survey.lip_errors_m.size(); ++i)
     answer["lip_error"][session_.machines()[i].name] = {survey.lip_errors_m[i].mean,

@@ -229,7 +229,7 @@ ScanHead::ScanHead(std::string_view message) {
   try {
     const Line json = object_of(header);
     require_keys(json, {"sensor", "time", "format", "frame", "shape", "intrinsics", "type",
-                        "position", "rotation", "noise", "mount", "pose"});
+                        "position", "rotation", "noise", "mount", "pose", "max_range"});
     if (json.contains("sensor")) sensor = text_in(json, "sensor");
     if (json.contains("time") && !json["time"].is_null()) time_s = line_time(json["time"]);
     format = format_in(json);
@@ -253,6 +253,8 @@ ScanHead::ScanHead(std::string_view message) {
                 "{\"shift\": m, \"turn\": rad}, standard deviations; the pose itself is 'position' "
                 "and 'rotation'",
                 sigmas);
+    if (json.contains("max_range"))
+      sigmas.emplace_back(&Sensor::max_range_m, number_of(json["max_range"], "'max_range'"));
   } catch (const std::invalid_argument& e) {
     const std::string why = e.what();
     throw std::invalid_argument(why.starts_with("header: ") ? why : "header: " + why);
@@ -267,7 +269,8 @@ std::vector<Vec3> scan_points(const ScanHead& head, std::string_view message,
     throw std::invalid_argument(fmt::format(
         "points: none of {} has a return: all are 0 or not finite", cloud.without_return));
   const Vec3 eye = head.in_world ? sensor.pose.position : Vec3(0, 0, 0);
-  for (std::size_t i = 0; i < points_m.size(); ++i)
+  const bool leaves_out_far = std::isfinite(sensor.max_range_m);
+  for (std::size_t i = 0; i < points_m.size() && !leaves_out_far; ++i)
     if (!((points_m[i] - eye).norm() <= kMostScanRangeM))
       throw std::invalid_argument(fmt::format(
           "points: one at ({:g}, {:g}, {:g}) is {:.4g} m from the sensor; it must be within {} m: "

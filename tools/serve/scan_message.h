@@ -38,7 +38,7 @@ struct ScanHead {
   bool in_world = false;          ///< points are the world's; else the sensor's
   io::CameraModel camera = {};    ///< of a depth image
   std::optional<Pose> pose = {};  ///< world_from_sensor
-  /// Those that the header has.
+  /// Those that the header has, and its largest range.
   std::vector<std::pair<double Sensor::*, double>> sigmas = {};
   std::size_t points_at = 0;  ///< offset of the points
 };

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -30,6 +31,9 @@ struct Sensor {
   /// Of each scan's pose, along each axis and about it, of a sensor that moves. Its pose is fitted
   /// to ground that nobody touched, if the scan sees enough of it. 0: a fixed mount.
   double pose_shift_sigma_m = 0, pose_turn_sigma_rad = 0;
+  /// Points that are farther are not used: those of a lidar lie far apart, and make the ground that
+  /// scans see large.
+  double max_range_m = std::numeric_limits<double>::infinity();
 
   /// @throw std::invalid_argument with the field, its value and the allowed values
   void validate() const;
@@ -50,9 +54,10 @@ struct RayCounts {
   std::int64_t through = 0;  ///< went through soil that is expected there
   std::int64_t added = 0;    ///< met new ground: many of them at one height
   std::int64_t dropped = 0;  ///< met nothing that others met too, as dust, or no ground at all
+  std::int64_t far = 0;      ///< ended beyond the sensor's max_range_m
 
   /// Says so if most rays did not meet the ground about where it was expected, as with a wrong
-  /// place of the sensor; else empty.
+  /// place of the sensor, or if all were too far; else empty.
   std::string doubt() const;
 };
 

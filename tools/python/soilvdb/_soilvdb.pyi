@@ -316,6 +316,7 @@ class Sensor:
         noise: str | None = ...,
         pose_shift_sigma: float = ...,
         pose_turn_sigma: float = ...,
+        max_range: float | None = ...,
     ) -> None: ...
     name: Final[str]
     position: Final[npt.NDArray[np.float64]]
@@ -327,6 +328,7 @@ class Sensor:
     mount_scale_sigma: Final[float]
     pose_shift_sigma: Final[float]
     pose_turn_sigma: Final[float]
+    max_range: Final[float]
 
 class Survey:
     removed_m3: Final[float]
