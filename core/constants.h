@@ -844,6 +844,10 @@ inline constexpr double kFlankWindowM = 0.3;
 inline constexpr int kFlankSectors = 8, kLeastFlankSectors = 3, kLeastFlankWindows = 2;
 /// Samples to which columns of ground are right that nobody dug: what lacks more was cut.
 inline constexpr double kHeapCutSamples = 8;
+/// Thickness of the layers in which a bucket takes soil that had been cut before, as a share of its
+/// height: the thinner, the more its lip's error counts. With a larger one the sigma of what
+/// machines cut is too small.
+inline constexpr double kLooseLayer = 0.2;
 /// A correction is made from this on: of a voxel, and sigmas of ground that nobody touched, and of
 /// other ground. With smaller values scans that agree with the ground change it.
 inline constexpr double kLeastCorrection = 1.0 / 16, kNaturalSigmas = 2, kMovedSigmas = 0.5;

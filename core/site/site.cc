@@ -37,6 +37,10 @@ std::string time_text(double time_s) {
   return {buffer, std::to_chars(buffer, std::end(buffer), time_s, std::chars_format::fixed).ptr};
 }
 
+GroundScans::Work work_of(const Update& update) {
+  return update.cut_m3 > 0 ? GroundScans::Work::kCut : GroundScans::Work::kOther;
+}
+
 std::vector<Bucket> buckets_of(const SiteModel& model) {
   std::set<std::string> names;
   std::vector<Bucket> buckets;
@@ -326,7 +330,7 @@ StepResult Site::update(const MachineState& state) noexcept {
       throw;
     }
     std::swap(inputs_[state.machine], last);
-    tell_survey(state.machine);
+    tell_survey(state.machine, work_of(made.update));
     return made;
   });
 }
@@ -336,7 +340,7 @@ std::vector<Update> Site::make(std::span<const Move> moves) {
   std::vector<Update> made;
   for (const Move& move : moves) {
     made.push_back(tracker_->update(std::span(&move, 1)).front());
-    tell_survey(move.machine);
+    tell_survey(move.machine, work_of(made.back()));
   }
   return made;
 }

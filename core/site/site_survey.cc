@@ -36,8 +36,8 @@ GroundScans& Site::scans() {
   return *survey_;
 }
 
-void Site::tell_survey(std::optional<std::size_t> machine) {
-  if (survey_) survey_->worked(machine);
+void Site::tell_survey(std::optional<std::size_t> machine, GroundScans::Work how) {
+  if (survey_) survey_->worked(machine, how);
 }
 
 StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
@@ -101,7 +101,7 @@ StepResult Site::survey(const SurveyHeights& heights, SurveyVolumes& volumes,
 std::int64_t Site::take_survey(const SurveyHeights& heights) {
   const std::int64_t changed = tracker_->survey(heights);
   surveyed_->add(heights);
-  tell_survey();
+  tell_survey({}, GroundScans::Work::kSurvey);
   return changed;
 }
 
@@ -154,10 +154,18 @@ double Site::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   return (survey_ ? *survey_ : *none_yet).volume_sigma_m3(boundary);
 }
 
+std::vector<Estimate> Site::cut_errors_m3(GroundScans& of) const {
+  std::vector<double> cut_m3;
+  if (model_->earthmoving.soil)
+    for (std::size_t m = 0; m < model_->machines.size(); ++m)
+      cut_m3.push_back(tracker_->ledger(m).cut_m3());
+  return of.cut_errors_m3(tracker_->surveyed_samples(), cut_m3);
+}
+
 Estimate Site::cut_m3(std::size_t machine) {
   require(machine);
   const auto none_yet = survey_ ? nullptr : new_survey();
-  const std::vector<Estimate> errors = (survey_ ? *survey_ : *none_yet).cut_errors_m3();
+  const std::vector<Estimate> errors = cut_errors_m3(survey_ ? *survey_ : *none_yet);
   if (errors.back().sigma > 0)
     throw std::invalid_argument(
         "it is not known which machine dug what before the first scan; make an empty scan before "
@@ -176,7 +184,7 @@ Heap Site::heap(const std::vector<Vec2>& boundary) {
   double error_m3 = 0, moved_m3 = tracker_->total().cut_m3();
   moved_m3 += static_cast<double>(balance.poured) / static_cast<double>(balance.units.bank) *
               ground_->sample_m3();
-  for (const Estimate& error : survey_->cut_errors_m3())
+  for (const Estimate& error : cut_errors_m3(*survey_))
     error_m3 += std::hypot(error.mean, error.sigma);
   return survey_->heap(boundary, tracker_->surveyed_samples(), soil->swell,
                        moved_m3 > 0 ? error_m3 / moved_m3 : 0);

@@ -73,10 +73,28 @@ void ScanState::has_changed(const Coord2& cell) {
         stale.insert(mark(near));
 }
 
+void ScanRecord::Work::cut_by(std::uint16_t origin_of_cut) {
+  if (std::exchange(turn, origin_of_cut) == origin_of_cut) return;
+  const auto known = std::find_if(turns.begin(), turns.end(), [&](const Turns& turns_of) {
+    return turns_of.origin == origin_of_cut;
+  });
+  ++(known != turns.end() ? *known : turns.emplace_back(Turns{origin_of_cut})).count;
+}
+
+void ScanState::was_surveyed(const Coord2& cell) {
+  has_changed(cell);
+  Work& worked = work[plan_key(cell)];
+  const auto known = tiles.find(plan_key(cell));
+  if (worked.turns.empty() && known != tiles.end())  // what was dug before the first scan
+    for (const ScanColumn& column : known->second.columns)
+      if (lip_of(column) >= 0) worked.cut_by(column.origin);
+  worked.turn = kSurveyed;
+}
+
 void ScanState::refresh(bool own) {
   map.reader().refresh();
   if (own)
-    for (const Coord3& origin : changes.take()) has_changed(origin.head<2>());
+    for (const Coord3& origin : changes.take()) was_surveyed(origin.head<2>());
   for (const auto& cell : stale) read(marked(cell), own ? How::kOwn : How::kChanged);
   stale.clear();
 }
@@ -291,15 +309,22 @@ GroundScans::GroundScans(Ground& clone, const GroundScans& other,
     : state_(std::make_unique<ScanState>(clone, *other.state_, std::move(surveyed))) {}
 GroundScans::~GroundScans() = default;
 
-void GroundScans::worked(std::optional<std::size_t> machine) {
+void GroundScans::worked(std::optional<std::size_t> machine, Work how) {
   ScanState& s = *state_;
   const std::vector<Coord3> changed = s.changes.take();
   if (!changed.empty()) ++s.time;
   for (const Coord3& origin : changed) {
-    ScanState::Work& work = s.work[plan_key(origin.head<2>())];
+    const Coord2 cell = origin.head<2>();
+    if (how == Work::kSurvey) {
+      s.was_surveyed(cell);
+    } else {
+      s.has_changed(cell);
+    }
+    ScanState::Work& work = s.work[plan_key(cell)];
     work.time = s.time;
-    if (machine) work.origin = static_cast<std::uint16_t>(kFirstMachine + *machine);
-    s.has_changed(origin.head<2>());
+    if (!machine) continue;
+    work.origin = static_cast<std::uint16_t>(kFirstMachine + *machine);
+    if (how == Work::kCut) work.cut_by(work.origin);
   }
 }
 

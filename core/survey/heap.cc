@@ -10,7 +10,6 @@
 #include <set>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "core/constants.h"
@@ -207,39 +206,94 @@ Estimate repose_of(const HeapColumns& columns, double height, double voxel_m) {
   return {mean, std::sqrt(spread / (count - 1) / count + of_heights * of_heights / count)};
 }
 
+/// How a machine's cut depends on errors of lips: on its own by an area in a range, and on others'.
+struct CutAreas {
+  double least = 0, most = 0;                    // m^2
+  std::map<Eigen::Index, double> others;         // at most, m^2; each counts from 0
+  std::map<std::pair<int, int>, double> blocks;  // what errs alike in squares, m^2
+  double apart = 0;                              // and column by column, m^4
+  double bank_m3 = 0;                            // that it cut alone
+
+  Estimate error(const CommonErrors& errors, Eigen::Index lip) const {
+    const double own_m = errors.mean()[lip];
+    Estimate all{(least + most) / 2 * own_m, 0};
+    double variance =
+        square((most - least) / 2 * own_m) + square(most) * errors.covariance()(lip, lip);
+    for (const auto& [other, area] : others) {
+      const double other_m = errors.mean()[other];
+      all.mean -= area / 2 * other_m;
+      variance += square(area / 2 * other_m) + square(area) * errors.covariance()(other, other);
+    }
+    double alike = 0;
+    for (const auto& [block, area] : blocks) alike += square(area);
+    variance += square(kDugSigmaM) * ((1 - kAlikeShare) * apart + kAlikeShare * alike);
+    all.sigma = std::sqrt(variance);
+    return all;
+  }
+};
+
 }  // namespace
 
-std::vector<Estimate> GroundScans::cut_errors_m3() {
+std::vector<Estimate> GroundScans::cut_errors_m3(const SurveyedSamples& samples,
+                                                 std::span<const double> cut_m3) {
   ScanState& s = *state_;
   s.map.reader().refresh();
-  const double area_m2 = s.voxel_m() * s.voxel_m(), own = kDugSigmaM * kDugSigmaM;
-  std::vector<double> areas(s.lip_sigmas_m.size()), variances(areas.size());
-  std::map<std::tuple<std::size_t, int, int>, double> blocks;
+  const double area_m2 = square(s.voxel_m());
+  std::vector<CutAreas> areas(s.lip_sigmas_m.size());
+  double bank_m3 = 0;  // cut by all
   std::set<std::pair<int, int>> tiles;
   for (const Chunk* chunk : s.ground.chunks()) tiles.emplace(chunk->origin.x(), chunk->origin.y());
   for (const auto& [x, y] : tiles) {
     std::optional<ScanTile> looked;
     const ScanTile& tile = s.look({x, y}, looked);
+    HeightReader::Columns dug, loose;
+    const Coord2 size = Coord2::Constant(kChunkSide);
+    s.map.reader().read(tile.cell, size, static_cast<std::size_t>(MapLayer::kDug), kNoCeiling, dug);
+    s.map.reader().read(tile.cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling,
+                        loose);
+    const auto work = s.work.find(plan_key(tile.cell));
+    std::vector<ScanState::Turns> turns;
+    if (work != s.work.end()) turns = work->second.turns;
+    if (turns.empty())  // dug before the first scan
+      turns.push_back({s.buckets.size() == 1 ? kFirstMachine : kUnknownTool, 1});
+    double all_turns = 0;
+    for (const ScanState::Turns& of : turns) all_turns += of.count;
     for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
       const ScanColumn& column = tile.columns[n];
-      const Eigen::Index lip = s.lip_of(column);
-      if (lip < 0 || std::isnan(column.top)) continue;
-      const auto m = static_cast<std::size_t>(lip);
+      if (std::isnan(column.top)) continue;
+      const int u = static_cast<int>(n) / kChunkSide, v = static_cast<int>(n) % kChunkSide;
+      const double cut = kSamplesOfCell * (dug.at(u, v) + loose.at(u, v)) +
+                         samples.at(tile.place(n)).bank;  // of bank, by machines and slides
+      const Eigen::Index last = s.lip_of(column);
+      if (last < 0 && !(cut > kHeapCutSamples)) continue;
       const Block block = s.block_of(tile, n);
-      areas[m] += area_m2;
-      variances[m] += (1 - kAlikeShare) * own * area_m2 * area_m2;
-      blocks[{m, block.x, block.y}] += area_m2;
+      const double bank = std::max(0.0, cut / kSamplesOfCell) * area_m2 * s.voxel_m();
+      bank_m3 += bank;
+      for (const ScanState::Turns& of : turns) {
+        const Eigen::Index lip = s.lip_of(of.origin);
+        CutAreas& to = areas[static_cast<std::size_t>(lip)];
+        if (turns.size() == 1 || lip == last) to.least += area_m2;
+        to.most += of.count * area_m2;
+        // Where another had cut, it cut less by that one's error.
+        const std::uint32_t after = of.count - (of.origin == turns.front().origin ? 1 : 0);
+        for (const ScanState::Turns& other : turns)
+          if (const std::uint32_t both = std::min(after, other.count);
+              other.origin != of.origin && both > 0)
+            to.others[s.lip_of(other.origin)] += both * area_m2;
+        to.apart += square(all_turns * area_m2);
+        to.blocks[{block.x, block.y}] += all_turns * area_m2;
+        if (turns.size() == 1) to.bank_m3 += bank;
+      }
     }
   }
-  for (const auto& [block, area] : blocks)
-    variances[std::get<0>(block)] += kAlikeShare * own * area * area;
+  // The rest of what machines cut had been cut before.
+  const double again_m3 = std::accumulate(cut_m3.begin(), cut_m3.end(), 0.0) - bank_m3;
+  for (std::size_t m = 0; m < cut_m3.size(); ++m)
+    areas[m].most += std::max(0.0, std::min(again_m3, cut_m3[m] - areas[m].bank_m3)) /
+                     (kLooseLayer * s.buckets[m].height_m);
   std::vector<Estimate> errors;
-  for (std::size_t m = 0; m < areas.size(); ++m) {
-    const auto at = static_cast<Eigen::Index>(m);
-    errors.push_back(
-        {areas[m] * s.errors.mean()[at],
-         std::sqrt(areas[m] * areas[m] * s.errors.covariance()(at, at) + variances[m])});
-  }
+  for (std::size_t m = 0; m < areas.size(); ++m)
+    errors.push_back(areas[m].error(s.errors, static_cast<Eigen::Index>(m)));
   return errors;
 }
 

@@ -13,7 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kScanFormat = 7;
+constexpr std::uint32_t kScanFormat = 8;
 
 [[noreturn]] void refuse_scans() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -208,6 +208,12 @@ void put_scans(std::string& out, const ScanState& s, bool all, const Tiles& tile
       put_number(out, key);
       put_number(out, of.origin);
       put(out, of.time);
+      put_number(out, of.turn);
+      put_number(out, of.turns.size());
+      for (const ScanState::Turns& turns : of.turns) {
+        put_number(out, turns.origin);
+        put(out, turns.count);
+      }
     }
   }
   put_number(out, blocks.size());
@@ -318,6 +324,13 @@ void GroundScans::load(std::string_view& in) {
       ScanState::Work& work = s.work[key];
       work.origin = take_number<std::uint16_t>(in, origins);
       take(in, work.time);
+      work.turn = take_number<std::uint16_t>(in, origins);
+      for (auto turns = take_number<std::uint64_t>(in, origins + 1); turns > 0; --turns) {
+        ScanState::Turns& of = work.turns.emplace_back();
+        of.origin = take_number<std::uint16_t>(in, origins);
+        take(in, of.count);
+        if (s.lip_of(of.origin) < 0 || of.count == 0) refuse_scans();
+      }
     }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     const Block block = take_block(in, origins);
@@ -359,7 +372,7 @@ void GroundScans::load(std::string_view& in) {
   s.untold_blocks.clear();
   if (!all) {
     // Corrections, which whoever loads this has made as well, are no work.
-    for (const Coord3& origin : s.changes.take()) s.has_changed(origin.head<2>());
+    for (const Coord3& origin : s.changes.take()) s.was_surveyed(origin.head<2>());
     return;
   }
   take_cells_of(in, s, s.untold);

@@ -48,9 +48,9 @@ Eigen::VectorXd ScanState::prior() const {
   return variances;
 }
 
-Eigen::Index ScanState::lip_of(const ScanColumn& column) const {
-  if (column.origin >= kFirstMachine) return column.origin - kFirstMachine;
-  if (column.origin == kUnknownTool) return static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1;
+Eigen::Index ScanState::lip_of(std::uint16_t origin) const {
+  if (origin >= kFirstMachine) return origin - kFirstMachine;
+  if (origin == kUnknownTool) return static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1;
   return -1;
 }
 

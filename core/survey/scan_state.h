@@ -81,9 +81,20 @@ struct ScanRecord {
   Tiles news;      // of which scans told something since solve()
   Tiles unsummed;  // that changed since their parts were made
   Tiles untold;    // that changed since telling was set
+  /// How often a machine began to cut a tile that another had cut before, or a scan or survey had
+  /// changed. The first time counts.
+  struct Turns {
+    std::uint16_t origin = kUnknownTool;
+    std::uint32_t count = 0;
+  };
   struct Work {
     std::uint16_t origin = kUnknownTool;  // whose machine was the last in a tile
     std::uint32_t time = 0;               // when the tile changed
+    /// Whose cut was the last; kSurveyed: a scan or survey changed the tile since.
+    std::uint16_t turn = kUnknownTool;
+    std::vector<Turns> turns = {};  // in the order of the machines' first
+
+    void cut_by(std::uint16_t origin_of_cut);
   };
   std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
   std::uint32_t time = 1;                                  // counts changes of the ground
@@ -130,6 +141,8 @@ struct ScanState : ScanRecord {
   }
   /// Tells that the ground of a tile changed.
   void has_changed(const Coord2& cell);
+  /// Tells that scans or a survey changed it.
+  void was_surveyed(const Coord2& cell);
   Vec2 index_of(const Vec2& place_m) const {
     return (place_m - ground.origin().head<2>()) / voxel_m();
   }
@@ -194,7 +207,8 @@ struct ScanState : ScanRecord {
   ColumnResidual residual_of(const ScanTile& tile, std::size_t i,
                              Eigen::Ref<Eigen::VectorXd> sees) const;
   /// The only common error on which a column's predicted height depends, one to one; -1: none.
-  Eigen::Index lip_of(const ScanColumn& column) const;
+  Eigen::Index lip_of(const ScanColumn& column) const { return lip_of(column.origin); }
+  Eigen::Index lip_of(std::uint16_t origin) const;
   /// Does a column that rays met tell of the errors that it shares?
   bool tells_of_errors(const ScanTile& tile, std::size_t i, const ColumnResidual& residual) const;
   Eigen::VectorXd prior() const;

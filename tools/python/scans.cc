@@ -256,8 +256,9 @@ void bind_heap(py::class_<Site>& site, py::module_& m) {
       },
       py::arg("machine") = 0,
       "(mean, sigma), m3: what a machine cut, in place: the ledger's volume, corrected by what "
-      "scans know of its lip, with the error of its lip over the ground that it was the last to "
-      "dig. Raises ValueError for several machines that dug before the first scan.");
+      "scans know of its lip, with the error of its lip over the ground that it dug, also where "
+      "that "
+      "was filled since. Raises ValueError for several machines that dug before the first scan.");
 }
 
 void bind_sensor(py::module_& m) {

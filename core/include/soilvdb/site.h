@@ -235,7 +235,8 @@ class Site {
   /// Makes moves; one by one if it must be known which machine dug what.
   std::vector<Update> make(std::span<const Move> moves);
   /// Tells the survey that the ground may have changed. @param machine whose work it was, if any's
-  void tell_survey(std::optional<std::size_t> machine = {});
+  void tell_survey(std::optional<std::size_t> machine = {},
+                   GroundScans::Work how = GroundScans::Work::kOther);
   /// Makes all later updates fail: an update was applied in part.
   void fail(const std::string& why) noexcept;
 
@@ -259,6 +260,8 @@ class Site {
   std::int64_t take_survey(const SurveyHeights& heights);
   GroundScans& scans();
   std::unique_ptr<GroundScans> new_survey() const;
+  /// Of each machine, see GroundScans.
+  std::vector<Estimate> cut_errors_m3(GroundScans& of) const;
 
   std::optional<double> poured_s_ = {};     // time up to which pours have fallen
   std::optional<double> next_pour_s_ = {};  // no part falls earlier

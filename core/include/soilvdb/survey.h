@@ -118,8 +118,9 @@ class GroundScans {
               std::shared_ptr<const SurveyedHeights> surveyed = nullptr);
   ~GroundScans();
 
+  enum class Work { kCut, kSurvey, kOther };
   /// What changed since the last call is this machine's work; unset: that of no machine.
-  void worked(std::optional<std::size_t> machine);
+  void worked(std::optional<std::size_t> machine, Work how);
   /// Did scans come since solve()?
   bool has_news() const;
   /// Takes a scan. @param points_m where its rays ended, world
@@ -145,8 +146,11 @@ class GroundScans {
   /// Sigma of the change of volume inside a boundary, against the terrain.
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
   /// Of each machine, and then of those that are not known: by how much more it cut than its poses
-  /// say, by the error of its lip where it was the last to dig and the ground still shows it.
-  std::vector<Estimate> cut_errors_m3();
+  /// say, by the errors of lips.
+  /// @param samples what surveys and scans changed
+  /// @param cut_m3 by each machine, also of soil that had been cut before; empty if soil is rigid
+  std::vector<Estimate> cut_errors_m3(const SurveyedSamples& samples,
+                                      std::span<const double> cut_m3);
   /// The heap inside a boundary. @param samples what surveys and scans changed
   /// @param swell by which the ledger converts @param bank_error standard deviation of the bank
   /// volume put down, as a share of it
