@@ -74,7 +74,9 @@ void ScanState::has_changed(const Coord2& cell) {
 }
 
 void ScanRecord::Work::cut_by(std::uint16_t origin_of_cut) {
-  if (std::exchange(turn, origin_of_cut) == origin_of_cut) return;
+  const std::uint16_t last = std::exchange(turn, origin_of_cut);
+  if (last == origin_of_cut) return;
+  was_cut_since = was_cut_since || last == kSurveyed;
   const auto known = std::find_if(turns.begin(), turns.end(), [&](const Turns& turns_of) {
     return turns_of.origin == origin_of_cut;
   });

@@ -38,6 +38,7 @@ class HeapColumns {
     double height = HeightReader::kNoGround;  // by scans alone, where they saw it
     double variance = 0;                      // of the height, m^2
     bool is_seen = false;
+    bool was_taken_from = false;  // after scans or a survey changed it
   };
 
   /// @throw std::invalid_argument without ground that was changed, or for too much of it
@@ -84,6 +85,7 @@ class HeapColumns {
     reader.read(cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling, loose);
     std::optional<ScanTile> own;
     const ScanTile& tile = state_.look(cell, own);
+    const auto work = state_.work.find(plan_key(cell));
     Eigen::VectorXd sees(state_.error_count());
     for (int x = 0; x < kChunkSide; ++x) {
       for (int y = 0; y < kChunkSide; ++y) {
@@ -97,6 +99,7 @@ class HeapColumns {
         column.rise = -dug.at(x, y);
         column.variance = state_.height_variance(tile, n);
         column.is_seen = state_.is_seen(tile, n);
+        column.was_taken_from = work != state_.work.end() && work->second.was_cut_since;
         column.loose = loose.at(x, y);
         // What was expected of the heap depends on the swell and the angle that are asked for, so
         // that only scans tell its height.
@@ -305,6 +308,7 @@ Heap GroundScans::heap(const std::vector<Vec2>& boundary, const SurveyedSamples&
   const Coord2 size = columns.size();
   std::vector<double> rises;
   double above = 0, put = 0;                 // voxels
+  double unsure = 0;                         // of the latter: what scans added may be gone
   double area = 0, seen_area = 0;            // columns of the heap
   double hidden = 0, seen = 0, changed = 0;  // volumes of the heap, and what scans changed of it
   for (int x = 0; x < size.x(); ++x) {
@@ -319,6 +323,10 @@ Heap GroundScans::heap(const std::vector<Vec2>& boundary, const SurveyedSamples&
       }
       above += column.share * (column.rise + column.off);
       put += column.share * (column.loose - surveyed.loose / kSamplesOfCell);
+      if (column.was_taken_from) {
+        put += column.share * surveyed.loose / kSamplesOfCell / 2;
+        unsure += column.share * std::abs(surveyed.loose) / kSamplesOfCell / 2;
+      }
       if (column.rise <= 1) continue;
       rises.push_back(column.rise);
       area += column.share;
@@ -348,14 +356,16 @@ Heap GroundScans::heap(const std::vector<Vec2>& boundary, const SurveyedSamples&
     throw std::invalid_argument("no machine or pour put soil down inside the boundary");
   const double voxel_m3 = std::pow(s.voxel_m(), 3);
   Heap heap;
-  heap.bank_m3 = {put / (1 + swell) * voxel_m3, bank_error * put / (1 + swell) * voxel_m3};
+  heap.bank_m3 = {put / (1 + swell) * voxel_m3,
+                  std::hypot(bank_error * put, unsure) / (1 + swell) * voxel_m3};
   // What is hidden errs as what was seen did.
   const double expected = seen - changed;
   const double of_hidden = expected > 0 ? hidden * std::abs(changed) / expected * voxel_m3 : 0;
   const double sigma_m3 = std::hypot(volume_sigma_m3(boundary), of_hidden);
   heap.loose_m3 = {above * voxel_m3, std::hypot(sigma_m3, std::sqrt(columns.variance()))};
   const double ratio = heap.loose_m3.mean / heap.bank_m3.mean;
-  heap.swell = {ratio - 1, std::hypot(heap.loose_m3.sigma / heap.bank_m3.mean, ratio * bank_error)};
+  heap.swell = {ratio - 1,
+                std::hypot(heap.loose_m3.sigma, ratio * heap.bank_m3.sigma) / heap.bank_m3.mean};
   heap.repose_rad = repose_of(columns, *high, s.voxel_m());
   return heap;
 }

@@ -209,6 +209,7 @@ void put_scans(std::string& out, const ScanState& s, bool all, const Tiles& tile
       put_number(out, of.origin);
       put(out, of.time);
       put_number(out, of.turn);
+      put(out, of.was_cut_since);
       put_number(out, of.turns.size());
       for (const ScanState::Turns& turns : of.turns) {
         put_number(out, turns.origin);
@@ -325,6 +326,7 @@ void GroundScans::load(std::string_view& in) {
       work.origin = take_number<std::uint16_t>(in, origins);
       take(in, work.time);
       work.turn = take_number<std::uint16_t>(in, origins);
+      take(in, work.was_cut_since);
       for (auto turns = take_number<std::uint64_t>(in, origins + 1); turns > 0; --turns) {
         ScanState::Turns& of = work.turns.emplace_back();
         of.origin = take_number<std::uint16_t>(in, origins);

@@ -92,6 +92,7 @@ struct ScanRecord {
     std::uint32_t time = 0;               // when the tile changed
     /// Whose cut was the last; kSurveyed: a scan or survey changed the tile since.
     std::uint16_t turn = kUnknownTool;
+    bool was_cut_since = false;     // by a machine, since the first of these
     std::vector<Turns> turns = {};  // in the order of the machines' first
 
     void cut_by(std::uint16_t origin_of_cut);

@@ -375,3 +375,45 @@ def test_the_sigma_of_a_cut_stays_where_soil_covers_it():
     site.come_to_rest()
     assert site.heights([(1.0, 0.0)])[0] > 0.2
     assert site.cut_m3()[1] > 0.9 * before > 0.9 * 0.02 * 1.2 * 2
+
+
+def test_a_heap_of_which_a_part_was_taken_away_is_not_sure_of_its_swell():
+    """What scans had added to it may have been in the part that a machine took."""
+    def heap_of(swell):
+        site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)],
+                            soil=soilvdb.Soil(0.61, swell),
+                            pours=[soilvdb.Pour((0, 0, 3), 1.5 * (1 + swell), (0, 1))])
+        site.pour(1)
+        site.come_to_rest()
+        return site
+
+    def take(site):
+        for y in (-0.6, 0.0, 0.6):
+            pass_of(site, 0, 0, -1.4, 0.2, y, 0.15, (0, 9))
+        site.place(0, position=(0, 20, 4))
+        site.come_to_rest()
+
+    def scan(site, truth, rng):
+        for place in np.array([(4, -4, 4), (4, 4, 4), (-5, 0, 4)]):
+            to = np.stack(np.meshgrid(np.linspace(-3, 3, 200), np.linspace(-3, 3, 200), [0]), -1).reshape(-1, 3)
+            ways = (to - place) / np.linalg.norm(to - place, axis=1)[:, None]
+            ranges = truth.cast(place, ways) + rng.normal(0, 0.01, len(ways))
+            site.scan(soilvdb.Sensor(name=str(place), position=place, range_sigma=0.01),
+                      place + ways * ranges[:, None], world=True)
+        site.apply_scans()
+
+    rng = np.random.default_rng(1)
+    site, truth = heap_of(0.25), heap_of(0.45)
+    scan(site, truth, rng)
+    around = [(-2.6, -2.6), (2.6, -2.6), (2.6, 2.6), (-2.6, 2.6)]
+    whole = site.heap(around).swell
+    assert abs(whole[0] - 0.45) < 2 * whole[1] < 0.2
+    for each in (site, truth):
+        take(each)
+    scan(site, truth, rng)
+    left = site.heap(around)
+    assert abs(left.swell[0] - 0.45) < 2 * left.swell[1]
+    assert left.swell[1] > 2 * whole[1]
+    true_bank = truth.volume(around).fill_m3 / 1.45
+    assert abs(left.bank_m3[0] - true_bank) < 2 * left.bank_m3[1]
+    assert repr(pickle.loads(pickle.dumps(site)).heap(around)) == repr(left)
