@@ -153,7 +153,7 @@ class Machine {
   std::int64_t in_flight_ = 0;         // spilled and not dropped, units of mass
   std::int64_t heaped_ = 0;            // before the mouth, more than it holds, units of mass
   double held_m_ = 0;                  // held_m() at the last station
-  double hold_gain_ = 0;               // more held there for what dropped, m^3 per m^3
+  double hold_gain_ = 0;               // more held for what dropped at the last ones, m^3 per m^3
   std::optional<Pose> spilled_from_;   // of the bucket, when in_flight_ began
   double spilled_s_ = 0;               // then
   TileSet may_slide_;                  // where loose soil may be too steep

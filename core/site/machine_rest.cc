@@ -134,7 +134,8 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
   held_m_ = held_m();
   if (dropped > 0) {
     const double dropped_m3 = ledger_.units.loose_samples(dropped) * ledger_.sample_m3;
-    hold_gain_ = std::clamp((hold_m3(held_m_) - before_m3) / dropped_m3, 0.0, kMaxHoldGain);
+    const double gain = (hold_m3(held_m_) - before_m3) / dropped_m3;
+    hold_gain_ = (hold_gain_ + std::clamp(gain, 0.0, kMaxHoldGain)) / 2;  // what slides disturbs it
   }
   last_station_ = at;
   swept_box_ = box_around(here);
