@@ -173,10 +173,10 @@ void cut_samples(benchmark::State& state, double width_m, double cells) {
   soil.assign(all);
   double tested = 0, cut = 0;
   for (auto _ : state) {
-    Samples ground = soil;
+    Samples ground = soil, loose;
     cut += static_cast<double>(
-        soilvdb::cut_samples(ground, Coord3::Zero(), stroke, facet, 1, Booking::kCaptured)
-            .captured);
+        soilvdb::cut_samples(ground, loose, Coord3::Zero(), stroke, facet, 1, Booking::kCaptured)
+            .all.captured);
     tested += cells;
   }
   state.counters["cells"] = benchmark::Counter(tested, kRate);
