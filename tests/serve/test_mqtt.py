@@ -403,6 +403,7 @@ def test_an_answer_for_which_a_broker_ends_the_connection_is_not_sent_again(tmp_
                     for state in STATES[10 * i:10 * i + 10]:
                         broker.send(json.dumps(state).encode())
                     assert "cut_m3" in broker.answer()
+                    until(lambda done=10 * (i + 1): server.json("/summary.json")["updates"] == done)
             with Peer(listener) as broker:
                 assert broker.read()[1].endswith(b'{"link":"live"}')
                 said = [told(server, "MQTT broker 127.0.0.1") for _ in range(2)]

@@ -22,6 +22,7 @@ std::unique_ptr<soilvdb::tools::MqttBridge> soilvdb::tools::feed_by_mqtt(ServerS
 #include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
+#include <cerrno>
 #include <condition_variable>
 #include <deque>
 #include <map>
@@ -185,6 +186,7 @@ struct MqttLink {
           functions.mosquitto_connect(client, options.host.c_str(), options.port, kKeepAlive_s);
       while (code == MOSQ_ERR_SUCCESS && !ending) {
         code = functions.mosquitto_loop(client, kLoop_ms, 1);
+        if (code == MOSQ_ERR_ERRNO && errno == EPIPE) code = MOSQ_ERR_CONN_LOST;  // while it writes
         if (!functions.mosquitto_want_write(client)) published(0);  // also of what is no message
         if (connected && ServerState::Clock::now() - begin > kTryAgain &&
             std::exchange(gone, false))
