@@ -483,8 +483,8 @@ inline constexpr int kExitColumns = 6, kExitPiles = 2;
 /// heaps so far apart, but no more than so many: each takes as long as a ridge.
 inline constexpr double kMinLineCells = 1, kLineHeapCells = 6;
 inline constexpr int kMaxLineHeaps = 5;
-/// Steps of kSourceStep ahead in which a line is looked for that no tool stands on. A blade's lip
-/// and the columns that it cuts take some.
+/// Steps of kSourceStep ahead, besides those that meet a tool, in which a line is looked for on
+/// which soil can lie. The columns that a blade cuts take some.
 inline constexpr int kMaxLineSteps = 16;
 /// Distance between the points by which a line of soil that falls finds its columns, columns. From
 /// 1 on it misses some.

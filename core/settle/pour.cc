@@ -235,14 +235,15 @@ Pourer::Foot Pourer::foot(const Columns& ground, const Vec2& source, double slop
   return {end.at * ground.side_m, at_border(ground, end.column, 0, slope)};
 }
 
-bool Pourer::rests(const Columns& ground, const Vec2& source, const Vec2& along, double slope) {
+Pourer::Line Pourer::look_at_line(const Columns& ground, const Vec2& source, const Vec2& along,
+                                  double slope) {
   const int steps = static_cast<int>(std::ceil(along.norm() / (kSourceStep * ground.side_m)));
   double beyond = 0;  // repose: the mean decides, as some column of a heap is always too steep
   for (int i = 0; i <= steps; ++i) {
     const Vec2 at =
         (source + along * (static_cast<double>(i) / std::max(steps, 1))) / ground.side_m;
     const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
-    if (!ground.open(x, y)) return false;
+    if (!ground.open(x, y)) return Line::kBlocked;
     const double here = ground.at(ground.index(x, y));
     double most = 0;
     for (int dx = -1; dx <= 1; ++dx) {
@@ -254,7 +255,7 @@ bool Pourer::rests(const Columns& ground, const Vec2& source, const Vec2& along,
     }
     beyond += most;
   }
-  return beyond <= kRunOnDrop * ground.side_m * (steps + 1);
+  return beyond <= kRunOnDrop * ground.side_m * (steps + 1) ? Line::kRests : Line::kTooSteep;
 }
 
 }  // namespace soilvdb::inline v0

@@ -60,9 +60,8 @@ class Pourer {
 
   /// @param source metres from the columns' corner
   /// @param slope tangent of the angle of repose, > 0
-  /// @param along if not 0: soil falls evenly on a line from `source`, on which rests() is true,
-  /// and
-  ///        makes a ridge with a level top
+  /// @param along if not 0: soil falls evenly on a line from `source`, on which it rests, and makes
+  /// a ridge with a level top
   /// @param leaves soil that runs down to the columns' border stays in left_m3, to run on
   Deposit pour(Columns& ground, const Vec2& source, double volume_m3, double slope,
                bool leaves = false, const Vec2& along = Vec2::Zero());
@@ -73,8 +72,10 @@ class Pourer {
   };
   Foot foot(const Columns& ground, const Vec2& source, double slope);
   /// May soil lie along a line as it falls? Not where the ground under it is steeper than repose,
-  /// or is no open column.
-  static bool rests(const Columns& ground, const Vec2& source, const Vec2& along, double slope);
+  /// or where some of its columns are not open.
+  enum class Line { kRests, kTooSteep, kBlocked };
+  static Line look_at_line(const Columns& ground, const Vec2& source, const Vec2& along,
+                           double slope);
 
  private:
   struct Work;

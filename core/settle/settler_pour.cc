@@ -21,15 +21,21 @@ int cone_radius(double samples, double slope) {
   return static_cast<int>(std::cbrt(3 * samples / (64 * std::numbers::pi * slope))) + 1;
 }
 
-/// The nearest line ahead on which soil can lie that falls along one, or nothing.
+/// The nearest line ahead on which soil can lie that falls along one, or nothing. Of lines that
+/// meet a tool `blocked` are passed. @param at_border is it looked for beyond the window?
 std::optional<Vec2> nearest_rest(const Columns& columns, const Vec2& from, const Vec2& along,
-                                 const Vec2& ahead, double slope) {
-  const double norm = ahead.norm();
-  const Vec2 step = norm > 0 ? Vec2(ahead * (kSourceStep / norm)) : Vec2(0, 0);
-  const int steps = norm > 0 ? kMaxLineSteps : 0;
-  for (int i = 0; i <= steps; ++i) {
-    const Vec2 at = from + i * step;
-    if (Pourer::rests(columns, at, along, slope)) return at;
+                                 const Vec2& ahead, double slope, int blocked, bool& at_border) {
+  const auto inside = [&](const Vec2& at) {
+    return at.minCoeff() >= 0 && at.x() < columns.nx && at.y() < columns.ny;
+  };
+  for (int i = 0, open = kMaxLineSteps; open >= 0 && blocked >= 0; ++i) {
+    const Vec2 at = from + i * kSourceStep * ahead;
+    at_border = !inside(at) || !inside(at + along);
+    if (at_border) break;
+    const Pourer::Line line = Pourer::look_at_line(columns, at, along, slope);
+    if (line == Pourer::Line::kRests) return at;
+    --(line == Pourer::Line::kBlocked ? blocked : open);
+    if (ahead == Vec2::Zero()) break;
   }
   return std::nullopt;
 }
@@ -215,11 +221,17 @@ Settler::Poured Settler::pour_in_window(Vec2& at, const Vec2& along, const Vec2&
   look_at(first, Coord2::Constant(2 * half + kChunkSide));
   Columns& ground = window_.columns;
   const Vec2 place = at + Vec2(0.5, 0.5) - first.cast<double>();
-  const auto source = along == Vec2::Zero() ? nearest_open(ground, place, ahead)
-                                            : nearest_rest(ground, place, along, ahead, slope_);
+  double tools = 0;
+  for (const Obstacle* wall : walls_)
+    if (!wall->empty()) tools = std::max(tools, wall->cells().sizes().cast<double>().norm());
+  const int blocked = kMaxLineSteps + static_cast<int>(tools / kSourceStep);
+  bool at_border = false;
+  const auto source = along == Vec2::Zero()
+                          ? nearest_open(ground, place, ahead)
+                          : nearest_rest(ground, place, along, ahead, slope_, blocked, at_border);
   const bool last = half >= kMaxWindowCells / 2;
   if (!source) {
-    if (along != Vec2::Zero()) return Poured::kNowhere;
+    if (along != Vec2::Zero() && (last || !at_border)) return Poured::kNowhere;
     if (!last) return Poured::kNeedsRoom;
     lose_off_terrain(static_cast<double>(samples));
     return Poured::kLies;

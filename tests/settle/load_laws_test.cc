@@ -16,14 +16,14 @@
 namespace soilvdb::test {
 namespace load_laws_test {
 
-/// Ground below z = 0, and one bucket.
+/// A plane that rises along x, and one bucket.
 struct Site {
   Bucket bucket;
   Ground ground;
   Tracker tracker;
-  Site(double voxel_m, Bucket b)
+  Site(double voxel_m, Bucket b, double slope = 0)
       : bucket(std::move(b)),
-        ground(voxel_m, Vec3::Zero(), make_plane(0, {0, 0})),
+        ground(voxel_m, Vec3::Zero(), make_plane(0, {slope, 0})),
         tracker(ground, {bucket}, loam()) {}
   double load_m3() const { return tracker.ledger(0).bucket_m3(); }
   /// What can stay in it, by columns of soil.
@@ -99,19 +99,24 @@ TEST(Load, OfAFullBucketInTheGroundDoesNotSwingFromUpdateToUpdate) {
   }
 }
 
-// A heap before the mouth that is made at once holds too much in, and then too little.
+// A heap before the mouth that is made at once holds too much in, and then too little. A mouth that
+// looks down leans over the place where the heap should be.
 TEST(Load, OfFullBucketsThatAreDraggedSwingsLittleBetweenStations) {
   Random random(43);
   double sum = 0;
-  constexpr int kBuckets = 8;
+  constexpr int kBuckets = 12;
   for (int n = 0; n < kBuckets; ++n) {
     Bucket bucket = digger();
     bucket.width_m = random(0.5, 2);
-    Site site(0.05, bucket);
+    const double slope = random(-0.15, 0.15);
+    const double voxel_m = n % 3 == 0 ? 0.1 : 0.05;
+    Site site(voxel_m, bucket, slope);
     const double struck_m3 = capacity(bucket).struck_m3();
-    const double depth_m = random(0.2, 0.45), pitch = random(0.1, 0.4);
-    const auto at = [&](double x) { return Pose{{x, 0, -depth_m}, pitched(pitch)}; };
-    site.tracker.update(0, Pose{{-6, 0, 0.5}, pitched(pitch)});
+    const double depth_m = random(0.2, 0.45), pitch = random(0.1, 0.6);
+    const auto at = [&](double x, double up_m = 0) {
+      return Pose{{x, 0, slope * x - depth_m + up_m}, pitched(pitch - std::atan(slope))};
+    };
+    site.tracker.update(0, at(-6, 1));
     for (double x = -5.6; x < 0; x += 0.02) site.tracker.update(0, at(x));  // it is full then
     std::vector<double> loads_m3;
     for (int i = 1; i <= 150; ++i)
@@ -122,11 +127,12 @@ TEST(Load, OfFullBucketsThatAreDraggedSwingsLittleBetweenStations) {
                                                      loads_m3.begin() + static_cast<long>(i + 12));
       swing = std::max(swing, (*most - *least) / struck_m3);
     }
+    EXPECT_LT(swing, 0.03) << voxel_m << " m, down by " << pitch << ", rise " << slope;
     sum += swing;
     EXPECT_GT(loads_m3.back(), 0.5 * struck_m3);
     EXPECT_EQ(residual(site.tracker), 0);
   }
-  EXPECT_LT(sum / kBuckets, 0.02);
+  EXPECT_LT(sum / kBuckets, 0.01);
 }
 
 TEST(Load, IsHeldInByTheGroundBeforeTheMouthAsHighAsThatIs) {

@@ -66,7 +66,7 @@ TEST(Pour, AlongALineIsARidgeWithALevelTop) {
     const double volume_m3 = height_m * height_m * length_m / kPourSlope +
                              kPi * std::pow(height_m, 3) / (3 * kPourSlope * kPourSlope);
     Columns ground = before, truth = before;
-    ASSERT_TRUE(Pourer::rests(ground, from, along, kPourSlope));
+    ASSERT_EQ(Pourer::look_at_line(ground, from, along, kPourSlope), Pourer::Line::kRests);
     const Deposit deposit = pourer.pour(ground, from, volume_m3, kPourSlope, false, along);
     for (int i = 0; i < truth.nx * truth.ny; ++i)
       truth.at(i) =
@@ -80,27 +80,31 @@ TEST(Pour, AlongALineIsARidgeWithALevelTop) {
 }
 
 TEST(Pour, RestsAlongALineOnlyWhereItIsNotTooSteepOnTheMeanAndNoneIsNoGround) {
-  const auto rests = [](const Columns& ground) {
-    return Pourer::rests(ground, {1, 2.5}, {3, 0}, kPourSlope);
+  using Line = Pourer::Line;
+  const auto line = [](const Columns& ground) {
+    return Pourer::look_at_line(ground, {1, 2.5}, {3, 0}, kPourSlope);
   };
   const auto slope = [](double share) {
     return columns_of(5, 5, kSide_m, [=](double x, double) { return share * kPourSlope * x; });
   };
-  EXPECT_TRUE(rests(slope(0.9)));
-  EXPECT_FALSE(rests(slope(1.5)));
-  EXPECT_FALSE(rests(columns_of(5, 5, kSide_m, [](double x, double) { return x > 3 ? 1 : 0; })));
+  EXPECT_EQ(line(slope(0.9)), Line::kRests);
+  EXPECT_EQ(line(slope(1.5)), Line::kTooSteep);
+  const auto step = [](double x, double) { return x > 3 ? 1 : 0; };
+  EXPECT_EQ(line(columns_of(5, 5, kSide_m, step)), Line::kTooSteep);
   Columns walled = slope(0);
   walled.rigid.assign(walled.height_m.size(), 0);
   walled.rigid[static_cast<std::size_t>(walled.index(40, 50))] = 1;
-  EXPECT_FALSE(rests(walled));
+  EXPECT_EQ(line(walled), Line::kBlocked);
   // Columns of a heap are too steep here and there, by what counts err.
   for (const std::uint64_t seed : {1, 2, 3, 4, 5, 6, 7, 8, 9}) {
     std::mt19937_64 random(seed);
     std::uniform_real_distribution<double> error(-0.15 * kSide_m, 0.15 * kSide_m);
-    EXPECT_TRUE(rests(columns_of(
-        5, 5, kSide_m, [&](double x, double) { return kPourSlope * x + error(random); })));
-    EXPECT_FALSE(rests(columns_of(
-        5, 5, kSide_m, [&](double x, double) { return 1.5 * kPourSlope * x + error(random); })));
+    const auto heap = [&](double share) {
+      return columns_of(5, 5, kSide_m,
+                        [&](double x, double) { return share * kPourSlope * x + error(random); });
+    };
+    EXPECT_EQ(line(heap(1)), Line::kRests);
+    EXPECT_EQ(line(heap(1.5)), Line::kTooSteep);
   }
 }
 
