@@ -289,8 +289,9 @@ inline constexpr float kTiltRounding = 1e-3f;
 /// Fixed-point units in a cell, for the order of samples by height. It makes the order the same on
 /// all CPUs. A smaller value makes ties, a larger one overflows in high columns.
 inline constexpr float kHeightUnits = 65536;
-/// A search for a level or a count bisects at each n-th step and interpolates at the others.
-/// Interpolation alone may creep. A smaller n takes more steps on smooth ground.
+/// A search for a count bisects at each n-th step and interpolates at the others, which alone may
+/// creep; one for a level looks at each n-th step for a lip. A smaller n takes more steps on smooth
+/// ground.
 inline constexpr int kBisectEvery = 4;
 /// Preference of soil that falls on a tool for places ahead, columns.
 inline constexpr double kAheadShare = 0.01;
@@ -468,6 +469,14 @@ inline constexpr double kMinEdgeCover = 0.05;
 /// Difference up to which levels are one, sides. With a larger value soil that is poured in parts
 /// lies elsewhere than soil poured at once. A smaller one looks at more fronts to find a lip.
 inline constexpr double kLevelTolerance = 1e-3;
+/// Difference of levels at which the search for one ends where the soil takes much more at once,
+/// because a way opens behind a bump, sides. With a larger value soil that is poured in parts lies
+/// elsewhere than soil poured at once. A smaller one looks at more fronts that differ by less than
+/// a sample.
+inline constexpr double kJumpTolerance = 1e-2;
+/// Share of its range that a step of that search may leave; else it bisects next. It is not 1 / 2,
+/// which a bisection leaves, or rounding would decide.
+inline constexpr double kMaxRangeLeft = 0.6;
 /// Step past the level at which a lip opens, sides.
 inline constexpr double kLipStep = kLevelTolerance / 4;
 /// Volume at which a front is broken off, pours. With a larger value fronts that hold too much take

@@ -40,7 +40,7 @@ struct Pourer::Work {
   Rest settle(double volume, double cap, Source& lip, double& lip_level);
   Vec2 entrance(const Vec2& middle, const Anchor& from) const;
   bool runs_on(Source& lip, double& lip_level);
-  double next_level(double volume, int n, bool bounded) const;
+  double next_level(double volume, int n, bool bounded, bool creeps) const;
   double commit(const Front& front, double level, Deposit& deposit);
 };
 
@@ -92,7 +92,7 @@ bool Pourer::Work::runs_on(Source& lip, double& lip_level) {
 }
 
 /// The next level to look at between the two fronts.
-double Pourer::Work::next_level(double volume, int n, bool bounded) const {
+double Pourer::Work::next_level(double volume, int n, bool bounded, bool creeps) const {
   const double tolerance = kLevelTolerance * side;
   const double middle = (low.level + high.level) / 2;
   // Just below where a lip opens, then just above.
@@ -103,7 +103,7 @@ double Pourer::Work::next_level(double volume, int n, bool bounded) const {
         (volume - low.filled) / std::max(1.0, static_cast<double>(low.parts.size()));
     return low.level + std::min(more, std::max(side, low.level - way.lowest()));
   }
-  if (!high.whole || n % kBisectEvery == kBisectEvery - 1) return middle;
+  if (!high.whole || creeps) return middle;
   // Either is exact if the same columns are raised there, at the same distances.
   const auto parts = static_cast<double>(low.parts.size());
   for (const double level : {high.level_of(volume), low.level + (volume - low.filled) / parts})
@@ -122,7 +122,7 @@ Pourer::Work::Rest Pourer::Work::settle(double volume, double cap, Source& lip, 
   low.clear();
   low.level = way.lowest();
   bool bounded = false;
-  double level = low.level + tolerance;
+  double level = low.level + tolerance, last_gap = kInfinity;
   if (way.upright() > way.lowest()) {
     finder.grow(way.at(way.lowest()), volume, way.upright(), low);
     if (low.fits) return kAll;
@@ -136,22 +136,29 @@ Pourer::Work::Rest Pourer::Work::settle(double volume, double cap, Source& lip, 
         std::abs(tried.filled - volume) <= tolerance * static_cast<double>(tried.parts.size());
     std::swap(tried, fits ? low : high);
     bounded = bounded || !fits;
+    const double gap = bounded ? high.level - low.level : kInfinity;
+    const bool creeps = gap > kMaxRangeLeft * last_gap;
+    last_gap = gap;
     if (near) {
       if (!fits) std::swap(low, high);
       low.level = low.level_of(volume);
       return kAll;
     }
-    if (bounded && high.level - low.level <= tolerance) {
-      if (runs_on(lip, lip_level)) return kRunsOn;
-      if (!high.whole) {
+    const bool jumps = high.whole && !(low.lip < high.level) && gap <= kJumpTolerance * side;
+    if (jumps || gap <= tolerance) {
+      bool on = runs_on(lip, lip_level);
+      if (!on && !high.whole) {
         finder.fill(way.at(high.level), high.level, kInfinity, high);
-        if (runs_on(lip, lip_level)) return kRunsOn;
+        on = runs_on(lip, lip_level);
       }
-      std::swap(low, high);
-      low.level = low.level_of(volume);
-      return kAll;
+      if (on && gap <= tolerance) return kRunsOn;
+      if (!on) {
+        std::swap(low, high);
+        low.level = low.level_of(volume);
+        return kAll;
+      }
     }
-    level = next_level(volume, n, bounded);
+    level = next_level(volume, n, bounded, creeps);
   }
   return kAll;
 }
