@@ -17,6 +17,7 @@
 #include "io/snapshot/swap_file.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tool_scenes.h"
 
 namespace soilvdb::test {
 namespace soil_at_rest_test {
@@ -232,6 +233,44 @@ TEST(SoilAtRest, ALipHalfOverATruckGivesItHalf) {
   const SettleTotals& totals = settler.totals();
   EXPECT_NEAR(static_cast<double>(totals.hauled), 0.5 * static_cast<double>(mass), 1);
   EXPECT_EQ(totals.hauled + totals.pending + loose_samples(ground) * settler.units().loose, mass);
+}
+
+TEST(SoilAtRest, ALineOfSoilOnASlopeThatIsTooSteepRunsDownItNotOverItsCrest) {
+  // Flat, then up by 1.2 from x = 0 to the crest at x = 3, then gently down.
+  Ground ground(kVoxel, Vec3::Zero(),
+                raster({41, 33, {-4, -4}, {0.25, 0.25}}, [](double x, double) {
+                  return 1.2 * std::clamp(x, 0.0, 3.0) - 0.3 * std::max(0.0, x - 3);
+                }));
+  Settler settler(ground, *loam().soil, {});
+  settler.drop({Vec3(1.8, -0.6, 5), Vec3(1.8, 0.6, 5)}, Vec2(1, 0), 20000 * settler.units().loose,
+               std::numeric_limits<double>::quiet_NaN());
+  const GroundWindow window = all_of(ground);
+  for (int x = 0; x < window.nx(); ++x)
+    for (int y = 0; y < window.ny(); ++y)
+      if (loose_depth(window.at(x, y)) > 0) {
+        EXPECT_LT(kVoxel * (window.first().x() + x), 1.8 + kVoxel) << y;
+      }
+  EXPECT_EQ(loose_samples(ground), 20000);
+}
+
+TEST(SoilAtRest, ALineOfSoilOverAToolLiesAheadOfItHoweverLongThatIs) {
+  for (const double length_m : {0.5, 2.0, 5.0}) {
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    const Obstacle tool(box(1.2, 0.5, length_m), {{0, 0, -0.2}, {}}, ground);
+    Settler settler(ground, *loam().soil, {});
+    settler.set_walls({&tool});
+    const double at_m = 0.2 - length_m;
+    settler.drop({Vec3(at_m, -0.6, 5), Vec3(at_m, 0.6, 5)}, Vec2(1, 0),
+                 2000 * settler.units().loose, std::numeric_limits<double>::quiet_NaN());
+    const GroundWindow window = all_of(ground);
+    for (int x = 0; x < window.nx(); ++x)
+      for (int y = 0; y < window.ny(); ++y) {
+        if (loose_depth(window.at(x, y)) == 0) continue;
+        EXPECT_GE(window.first().x() + x, -1) << length_m;
+        EXPECT_LE(std::abs(kVoxel * (window.first().y() + y)), 1.2) << length_m;
+      }
+    EXPECT_EQ(loose_samples(ground), 2000);
+  }
 }
 
 TEST(SoilAtRest, AnotherMachinesBucketIsAWall) {
