@@ -102,7 +102,7 @@ class Machine {
   /// How much of its way to rest soil goes at a station. At the end cuts fail in any case.
   enum class Rest { kSome, kAll, kEnd };
   void pass_station(Ground& ground, double time_s, Rest rest);
-  void fail();
+  bool fail();
   void set_wall(const Ground& ground, const Pose& at);
   double hold_m3(double held_m) const;
   std::int64_t surplus(double held_m) const;

@@ -122,8 +122,10 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
   drop(ground, time_s, wall_ || rest != Rest::kSome);
   if (rest == Rest::kSome) {
     stations_ = (stations_ + 1) % (kStationsPerRest * kStationsPerSlide);
-    if (!wall_ || stations_ % kStationsPerRest == 0) fail();
-    if (!wall_ || stations_ % kStationsPerSlide == 0) settler_->slide(may_slide_, kStationSteps);
+    // What fails slides from the next station on, as an update must not wait for both.
+    const bool fails = (!wall_ || stations_ % kStationsPerRest == 0) && fail();
+    if (!fails && (!wall_ || stations_ % kStationsPerSlide == 0))
+      settler_->slide(may_slide_, kStationSteps);
   } else {
     const bool banks_fail = rest == Rest::kEnd || !wall_;
     if (settler_->settle(banks_fail ? propped_box_ : unsettled_box_, banks_fail, may_slide_)) {
@@ -143,13 +145,16 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
 }
 
 /// What hangs falls. Once the bucket has left, a bank that stands too steep fails, when soil that
-/// slid before has come to rest: it may lean on the bank.
-void Machine::fail() {
+/// slid before has come to rest: it may lean on the bank. @return whether one failed
+bool Machine::fail() {
   if (!unsettled_box_.isEmpty()) settler_->break_overhangs(wall_ ? unsettled_box_ : propped_box_);
   unsettled_box_.setEmpty();
-  if (wall_ || propped_box_.isEmpty()) return;
+  if (wall_ || propped_box_.isEmpty()) return false;
   settler_->take_changes(may_slide_);
-  if (may_slide_.empty() && settler_->fail(propped_box_)) propped_box_.setEmpty();
+  if (!may_slide_.empty()) return false;
+  if (!settler_->fail(propped_box_)) return true;
+  propped_box_.setEmpty();
+  return false;
 }
 
 /// The bucket is a wall to soil where it is in the ground. What leant on it where it was may slide.
@@ -254,7 +259,7 @@ void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   spill_here(time_s, held_m());
   drop(ground, time_s, true);
   held_m_ = held_m();
-  if (!wall_) fail();
+  if (!wall_ && fail()) return;
   settler_->slide(may_slide_, ticks * kStationSteps);
 }
 
