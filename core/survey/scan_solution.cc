@@ -261,18 +261,19 @@ class ScanState::SeenColumns {
     own_ = columns_.size();
   }
 
-  /// What the columns say of the common errors; also what these do to their corrections; also the
-  /// errors of their volumes.
-  enum class Sums { kErrors, kCorrections, kVolumes };
-  void sum_up(Sums what) {
-    for (std::size_t n = 0; n < own_tiles_; ++n) tiles_[n].is_summed = false;
-    sum_blocks(sum_columns(what));
+  /// What the columns say of the common errors, and the errors of their volumes, as they are.
+  void sum_up() {
+    const std::set<Block> blocks = sum_told();
+    sum_volumes(nullptr);
+    sum_blocks(blocks);
   }
 
   /// Finds the common errors, and the columns that are off by more than these explain.
-  void find_others() {
+  /// @return corrections that are worth it
+  std::vector<ScanChange> corrections() {
     for (std::size_t n = 0; n < own_; ++n) tell(columns_[n], columns_[n].is_surveyed());
-    sum_up(Sums::kErrors);
+    const std::set<Block> blocks = sum_told();
+    sum_blocks(blocks);
     state_.errors = state_.estimate();
     look_beside();
     std::vector<double> off(columns_.size());
@@ -283,36 +284,16 @@ class ScanState::SeenColumns {
         off[n] = c.residual.residual - sees(n).dot(mean) + (c.lip >= 0 ? mean[c.lip] : 0);
       }
       for (std::size_t t = 0; t < own_tiles_; ++t)
-        if (judge(tiles_[t], off)) tiles_[t].is_summed = false;
-      const std::set<Block> changed = sum_columns(Sums::kErrors);
+        if (judge(tiles_[t], off)) tiles_[t].is_told = false;
+      const std::set<Block> changed = sum_told();
       if (changed.empty()) break;
       sum_blocks(changed);
       state_.errors = state_.estimate();
     }
     for (std::size_t t = 0; t < own_tiles_; ++t) judge_unseen(tiles_[t]);
-    sum_up(Sums::kCorrections);
-  }
-
-  /// Corrections that are worth it.
-  std::vector<ScanChange> corrections() {
-    const double h = state_.voxel_m();
     std::vector<ScanChange> made;
-    for (std::size_t n = 0; n < own_; ++n) {
-      Column& c = columns_[n];
-      const ScanColumn& column = c.column();
-      const BlockError& block = error_of(c.block);
-      state_.correct(column, c.residual, block, sees(n), correction_);
-      const double off = h * (column.first - column.top) + correction_.mean;
-      if (!(std::abs(off) >= kLeastCorrection * h) || !std::isfinite(off)) continue;
-      double sigmas =
-          column.origin == kNatural && !is_other(column) ? kNaturalSigmas : kMovedSigmas;
-      if (c.is_surveyed() && c.residual.weight <= 0)
-        sigmas = 0;  // the soil that rays passed through is surely gone
-      if (std::abs(off) < sigmas * std::sqrt(state_.errors.variance(correction_, block))) continue;
-      made.push_back({c.tile->place(c.i), column.top, std::llround(off / h * kSamplesOfCell),
-                      c.tile->slopes[c.i]});
-      c.is_corrected = true;
-    }
+    sum_volumes(&made);
+    sum_blocks(blocks);
     return made;
   }
 
@@ -324,7 +305,6 @@ class ScanState::SeenColumns {
     Eigen::Index lip;  // as of lip_of()
     Block block;
     bool is_other = false;
-    bool is_corrected = false;
 
     ScanColumn& column() const { return tile->columns[i]; }
     bool is_surveyed() const { return block.origin == kSurveyed; }
@@ -333,7 +313,7 @@ class ScanState::SeenColumns {
   struct OfTile {
     ScanTile* tile;
     std::size_t first, last;                           // its columns
-    bool is_summed = false;                            // its parts are of its columns as they are
+    bool is_told = false;                              // its parts have what its columns say
     std::array<int, BaseColumn::kCells> numbers = {};  // of its columns; -1: not seen
     std::array<int, kWindow* kWindow> about = {};      // the same, and of those beside it
   };
@@ -342,40 +322,69 @@ class ScanState::SeenColumns {
     return {sees_.data() + n * static_cast<std::size_t>(errors_), errors_};
   }
 
-  /// Of tiles that are not summed. @return the blocks of which their parts changed
-  std::set<Block> sum_columns(Sums what) {
+  /// What columns say of the common errors, of tiles of which that changed.
+  /// @return the blocks of which their parts changed
+  std::set<Block> sum_told() {
     std::set<Block> changed;
     for (std::size_t t = 0; t < own_tiles_; ++t) {
-      if (std::exchange(tiles_[t].is_summed, true)) continue;
+      if (std::exchange(tiles_[t].is_told, true)) continue;
       std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
       for (const auto& [block, part] : parts) changed.insert(block);
       parts.clear();
+      std::pair<const Block, BlockSums>* at = nullptr;
+      for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) {
+        const Column& c = columns_[n];
+        if (at == nullptr || at->first != c.block) at = &*parts.try_emplace(c.block, errors_).first;
+        ++at->second.columns;
+        if (!state_.tells_of_errors(*c.tile, c.i, c.residual)) continue;
+        told_ = sees(n);
+        if (c.lip >= 0) told_[c.lip] -= 1;
+        at->second.told.add(c.residual, told_, state_.place_in(c.block, *c.tile, c.i));
+      }
+      for (const auto& [block, part] : parts) changed.insert(block);
+    }
+    return changed;
+  }
+
+  /// What the common errors do to the columns' corrections, and the errors of the volumes.
+  /// @param made corrections that are worth it; null: they are not to be made
+  void sum_volumes(std::vector<ScanChange>* made) {
+    const double area_m2 = square(state_.voxel_m());
+    for (std::size_t t = 0; t < own_tiles_; ++t) {
       std::pair<const Block, BlockSums>* at = nullptr;
       const BlockError* error = nullptr;
       for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) {
         const Column& c = columns_[n];
         if (at == nullptr || at->first != c.block) {
-          at = &*parts.try_emplace(c.block, errors_).first;
-          if (what != Sums::kErrors) error = &error_of(c.block);
+          at = &*c.tile->parts.find(c.block);
+          error = &error_of(c.block);
         }
         BlockSums& part = at->second;
-        if (state_.tells_of_errors(*c.tile, c.i, c.residual)) {
-          told_ = sees(n);
-          if (c.lip >= 0) told_[c.lip] -= 1;
-          part.told.add(c.residual, told_, state_.place_in(c.block, *c.tile, c.i));
-        }
-        ++part.columns;
-        if (what == Sums::kErrors) continue;
         state_.correct(c.column(), c.residual, *error, sees(n), correction_);
         part.on += correction_.on;
         part.alike += correction_.alike;
-        if (what == Sums::kVolumes && (c.is_corrected || !is_datum(c.column())))
-          state_.add_volume(part, *c.tile, c.i, c.residual, *error, correction_,
-                            square(state_.voxel_m()), c.is_corrected);
+        const bool is_corrected = made != nullptr && make(c, *error, *made);
+        if (is_corrected || !is_datum(c.column()))
+          state_.add_volume(part, *c.tile, c.i, c.residual, *error, correction_, area_m2,
+                            is_corrected);
       }
-      for (const auto& [block, part] : parts) changed.insert(block);
     }
-    return changed;
+  }
+
+  /// Makes a column's correction. @return whether that is worth it
+  bool make(const Column& c, const BlockError& block, std::vector<ScanChange>& made) {
+    const double h = state_.voxel_m();
+    const ScanColumn& column = c.column();
+    const double off = h * (column.first - column.top) + correction_.mean;
+    if (!(std::abs(off) >= kLeastCorrection * h) || !std::isfinite(off)) return false;
+    double sigmas = column.origin == kNatural && !is_other(column) ? kNaturalSigmas : kMovedSigmas;
+    if (c.is_surveyed() && c.residual.weight <= 0)
+      sigmas = 0;  // the soil that rays passed through is surely gone
+    if (std::abs(off) < sigmas * std::sqrt(state_.errors.variance(correction_, block)))
+      return false;
+    made.push_back({c.tile->place(c.i), column.top, std::llround(off / h * kSamplesOfCell),
+                    c.tile->slopes[c.i]});
+    return true;
   }
 
   /// What is known of a block by the sums that it has.
@@ -578,23 +587,17 @@ std::vector<ScanChange> ScanState::solve() {
   Tiles others;
   std::set_difference(unsummed.begin(), unsummed.end(), now.begin(), now.end(),
                       std::inserter(others, others.end()));
-  SeenColumns(*this, others).sum_up(SeenColumns::Sums::kVolumes);
+  SeenColumns(*this, others).sum_up();
   for (auto& [block, state] : blocks) {  // also of columns that have changed since a scan
     BlockResidual told = state.told();
     if (told.weight == state.known.weight && told.residual == state.known.residual) continue;
     state.known = std::move(told);
     untold_blocks.insert(block);
   }
-  std::optional<SeenColumns> seen(std::in_place, *this, now);
-  seen->find_others();
+  std::vector<ScanChange> made = SeenColumns(*this, now).corrections();
   const std::size_t count = now.size();
   now.merge(moved());
-  if (now.size() > count) {
-    seen.emplace(*this, now);
-    seen->find_others();
-  }
-  std::vector<ScanChange> made = seen->corrections();
-  seen->sum_up(SeenColumns::Sums::kVolumes);
+  if (now.size() > count) made = SeenColumns(*this, now).corrections();
   unsummed.clear();
   for (const ScanChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
   std::set<Block> seen_blocks;
