@@ -255,7 +255,7 @@ class ScanState::SeenColumns {
  public:
   SeenColumns(ScanState& state, const Tiles& tiles) : state_(state), errors_(state.error_count()) {
     columns_.reserve(tiles.size() * BaseColumn::kCells);
-    sees_.reserve(columns_.capacity() * static_cast<std::size_t>(errors_));
+    sees_.reserve((columns_.capacity() + 1) * static_cast<std::size_t>(errors_));
     for (const auto& cell : tiles) add(state.marked(cell));
     own_tiles_ = tiles_.size();
     own_ = columns_.size();
@@ -276,15 +276,17 @@ class ScanState::SeenColumns {
     sum_blocks(blocks);
     state_.errors = state_.estimate();
     look_beside();
-    std::vector<double> off(columns_.size());
+    std::vector<Judged> judged;
+    judged.reserve(columns_.size());
+    for (const Column& c : columns_) judged.push_back({c.residual.weight, 0, c.block.origin});
     for (int round = 0; round < kGateRounds; ++round) {
       const Eigen::VectorXd& mean = state_.errors.mean();
       for (std::size_t n = 0; n < columns_.size(); ++n) {
         const Column& c = columns_[n];
-        off[n] = c.residual.residual - sees(n).dot(mean) + (c.lip >= 0 ? mean[c.lip] : 0);
+        judged[n].off = c.residual.residual - sees(n).dot(mean) + (c.lip >= 0 ? mean[c.lip] : 0);
       }
       for (std::size_t t = 0; t < own_tiles_; ++t)
-        if (judge(tiles_[t], off)) tiles_[t].is_told = false;
+        if (judge(tiles_[t], judged)) tiles_[t].is_told = false;
       const std::set<Block> changed = sum_told();
       if (changed.empty()) break;
       sum_blocks(changed);
@@ -308,6 +310,11 @@ class ScanState::SeenColumns {
 
     ScanColumn& column() const { return tile->columns[i]; }
     bool is_surveyed() const { return block.origin == kSurveyed; }
+  };
+  /// What judge() asks about the columns about one, close together.
+  struct Judged {
+    double weight, off;  // off: more than the common errors explain, m
+    std::uint16_t origin;
   };
   static constexpr int kReach = 2, kWindow = kChunkSide + 2 * kReach;  // columns
   struct OfTile {
@@ -420,8 +427,8 @@ class ScanState::SeenColumns {
       const ScanColumn& column = tile.columns[i];
       columns_.push_back({&tile, i, residual, state_.lip_of(column), block, is_other(column)});
     };
+    sees_.resize((columns_.size() + BaseColumn::kCells + 1) * static_cast<std::size_t>(errors_));
     const auto next = [&](std::size_t i) {
-      sees_.resize((columns_.size() + 1) * static_cast<std::size_t>(errors_));
       return state_.residual_of(tile, i, sees(columns_.size()));
     };
     for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
@@ -462,12 +469,19 @@ class ScanState::SeenColumns {
     for (const OfTile& of : tiles_) by_cell[plan_key(of.tile->cell)] = &of;
     for (std::size_t t = 0; t < own_tiles_; ++t) {
       const Coord2& low = tiles_[t].tile->cell;
+      std::array<const OfTile*, 9> near = {};
+      for (int k = 0; k < 9; ++k)
+        if (const auto found =
+                by_cell.find(plan_key(low + kChunkSide * Coord2(k / 3 - 1, k % 3 - 1)));
+            found != by_cell.end())
+          near[static_cast<std::size_t>(k)] = found->second;
       for (int x = 0; x < kWindow; ++x) {
         for (int y = 0; y < kWindow; ++y) {
-          const Coord2 cell = low + Coord2(x - kReach, y - kReach);
-          const auto found = by_cell.find(plan_key(floor_to(cell, kChunkSide)));
+          const Coord2 in = Coord2(x - kReach, y - kReach) + Coord2::Constant(kChunkSide);
+          const OfTile* of =
+              near[static_cast<std::size_t>(in.x() / kChunkSide * 3 + in.y() / kChunkSide)];
           tiles_[t].about[static_cast<std::size_t>(x * kWindow + y)] =
-              found == by_cell.end() ? -1 : found->second->numbers[number_of(cell)];
+              of == nullptr ? -1 : of->numbers[number_of(in)];
         }
       }
     }
@@ -503,7 +517,7 @@ class ScanState::SeenColumns {
 
   /// Are columns that rays met other than errors explain, by themselves or with those about them?
   /// @return whether that of some changed
-  bool judge(const OfTile& of, const std::vector<double>& off) {
+  bool judge(const OfTile& of, const std::vector<Judged>& judged) {
     bool any = false;
     std::array<bool, BaseColumn::kCells> known = {};  // those of an origin that was looked at
     for (std::size_t first = of.first; first < of.last; ++first) {
@@ -512,10 +526,10 @@ class ScanState::SeenColumns {
       std::array<double, kWindow*kWindow> weights = {}, residuals = {};
       for (std::size_t k = 0; k < of.about.size(); ++k) {
         if (of.about[k] < 0) continue;
-        const auto n = static_cast<std::size_t>(of.about[k]);
-        if (columns_[n].block.origin != origin) continue;
-        weights[k] = columns_[n].residual.weight;
-        residuals[k] = weights[k] * off[n];
+        const Judged& about = judged[static_cast<std::size_t>(of.about[k])];
+        if (about.origin != origin) continue;
+        weights[k] = about.weight;
+        residuals[k] = about.weight * about.off;
       }
       const auto weight = sums_about(weights), residual = sums_about(residuals);
       for (std::size_t n = first; n < of.last; ++n) {
@@ -526,7 +540,8 @@ class ScanState::SeenColumns {
         const double variance = c.residual.whole_variance(), about = weight[c.i];
         const bool was_other = c.is_other;
         tell(c, std::abs(residual[c.i] / about) > kPooledGate * std::sqrt(variance + 1 / about) ||
-                    std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
+                    std::abs(judged[n].off) >
+                        kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
         any = any || was_other != c.is_other;
       }
     }
