@@ -26,13 +26,12 @@ Eigen::AlignedBox3d body_of(const Bucket& bucket) {
   return box;
 }
 
-/// A box turned against the world, with room about it, as rays from a place meet it.
+/// A box turned against the world, with room about it, as rays from a place end in it.
 struct Body {
   Body(const Eigen::AlignedBox3d& tight, const Pose& pose, const Vec3& place) {
     const Vec3 room = Vec3::Constant(kMaskRoomM);
     const Eigen::AlignedBox3d box(tight.min() - room, tight.max() + room);
     const Vec3 from = pose.inverse() * place;
-    has_place = box.contains(from);
     const Eigen::Matrix3d turn = pose.rotation.toRotationMatrix().transpose();
     for (int a = 0; a < 3; ++a) {
       const auto n = static_cast<std::size_t>(a);
@@ -51,30 +50,24 @@ struct Body {
   std::array<float, 3> low, high;  // of the box from the place, in its frame, m
   std::array<std::array<float, 3>, 3> rows;
   Eigen::AlignedBox3f around;  // from the place, axes of the world
-  bool has_place;              // in the box: all rays begin there
 };
 
-/// Marks rays that meet a body before their ends.
-/// @param begins share of its length at which a ray begins
-SOILVDB_FOR_CPUS void mark_masked(const Body& body, float begins, const float* x, const float* y,
-                                  const float* z, const float* length, std::size_t count,
-                                  std::uint8_t* masked) {
+/// Marks rays that end in a body.
+SOILVDB_FOR_CPUS void mark_masked(const Body& body, const float* x, const float* y, const float* z,
+                                  const float* length, std::size_t count, std::uint8_t* masked) {
   for (std::size_t i = 0; i < count; ++i) {
-    float begin = begins * length[i], end = length[i];
+    float inside = std::numeric_limits<float>::infinity();  // by how much
     for (std::size_t a = 0; a < 3; ++a) {
       const std::array<float, 3>& row = body.rows[a];
-      const float along = row[0] * x[i] + row[1] * y[i] + row[2] * z[i];
-      const float rate = 1 / (std::abs(along) < 1e-12f ? 1e-12f : along);
-      const float s = body.low[a] * rate, t = body.high[a] * rate;
-      begin = std::max(begin, std::min(s, t));
-      end = std::min(end, std::max(s, t));
+      const float end = length[i] * (row[0] * x[i] + row[1] * y[i] + row[2] * z[i]);
+      inside = std::min(inside, std::min(end - body.low[a], body.high[a] - end));
     }
-    masked[i] |= begin <= end ? 1 : 0;
+    masked[i] |= inside >= 0 ? 1 : 0;
   }
 }
 
-/// A part of a machine. A sensor may stand in one of its boxes, as on a cab's roof: of its rays
-/// those meet that box that end in it.
+/// A part of a machine. Rays that end behind it passed it: it was not quite where it was said to
+/// be, or its boxes hold more than it fills. What they tell of the ground there is true.
 class Mask {
  public:
   Mask(const PlacedBoxes& part, const Vec3& place)
@@ -88,10 +81,10 @@ class Mask {
   void mark(const ScanRays& rays, std::size_t first, std::size_t count,
             const Eigen::AlignedBox3f& ends, std::uint8_t* masked) {
     if (!ends.intersects(all_.around)) return;
-    // As a rule few rays come near, and there are many boxes.
+    // As a rule few rays end near, and there are many boxes.
     std::array<std::uint8_t, kRaysAtOnce> marks = {};
-    mark_masked(all_, 0, &rays.x[first], &rays.y[first], &rays.z[first], &rays.length_m[first],
-                count, marks.data());
+    mark_masked(all_, &rays.x[first], &rays.y[first], &rays.z[first], &rays.length_m[first], count,
+                marks.data());
     std::array<std::size_t, kRaysAtOnce> near;
     std::size_t number = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -104,8 +97,8 @@ class Mask {
     }
     marks = {};
     for (const Body& box : boxes_)
-      mark_masked(box, box.has_place ? 1 : 0, few_.x.data(), few_.y.data(), few_.z.data(),
-                  few_.length_m.data(), number, marks.data());
+      mark_masked(box, few_.x.data(), few_.y.data(), few_.z.data(), few_.length_m.data(), number,
+                  marks.data());
     for (std::size_t i = 0; i < number; ++i) masked[near[i]] |= marks[i];
   }
 
@@ -471,7 +464,7 @@ ScanRays ScanState::unmasked(const Sensor& sensor, std::span<const Vec3> points_
   std::array<std::uint8_t, kRaysAtOnce> masked;
   for (std::size_t begin = 0; begin < points_m.size(); begin += kRaysAtOnce) {
     const std::size_t first = count;
-    Eigen::AlignedBox3f around(Eigen::Vector3f::Zero());
+    Eigen::AlignedBox3f around;
     for (const Vec3& point :
          points_m.subspan(begin, std::min(kRaysAtOnce, points_m.size() - begin))) {
       const Vec3 way = point - from;

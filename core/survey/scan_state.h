@@ -173,7 +173,7 @@ struct ScanState : ScanRecord {
   int sensor_of(const Sensor& sensor);
 
   // scan_rays.cc
-  /// The ends of rays that meet no machine; counts the others.
+  /// The rays that do not end at a machine; counts the others.
   ScanRays unmasked(const Sensor& sensor, std::span<const Vec3> points_m,
                     std::span<const Pose* const> poses, std::span<const PlacedBoxes> links);
   void add_rays(const Sensor& sensor, int number, const ScanRays& ends);
