@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "soilvdb/types.h"
@@ -21,7 +22,11 @@ struct Columns {
   /// Heights of the firm ground below loose soil; empty: all is firm. Edges that soil runs over are
   /// found in it, because loose soil on them blurs them by half a side.
   std::vector<double> firm_m;
-  std::vector<std::uint8_t> rigid;  ///< empty: no column is
+  std::vector<std::uint8_t> rigid;  ///< empty: no column is; kUnread: `read` tells first
+  static constexpr std::uint8_t kUnread = 2;
+  /// Sets a column that is unread, and may set others. Heights of a column hold once open() was
+  /// asked for it, so that of a large window only what soil comes to is read.
+  std::function<void(int column)> read;
 
   Columns() = default;
   Columns(int columns_x, int columns_y, double side, double height = 0)
@@ -38,8 +43,12 @@ struct Columns {
   }
   double& at(int column) { return height_m[static_cast<std::size_t>(column)]; }
   /// Can soil lie on it?
-  bool open(int x, int y) const {
-    return has(x, y) && (rigid.empty() || rigid[static_cast<std::size_t>(index(x, y))] == 0);
+  bool open(int x, int y) const { return has(x, y) && open(index(x, y)); }
+  bool open(int column) const {
+    if (rigid.empty()) return true;
+    const std::uint8_t& here = rigid[static_cast<std::size_t>(column)];
+    if (here == kUnread) read(column);
+    return here == 0;
   }
 };
 

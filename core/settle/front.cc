@@ -292,7 +292,7 @@ bool FrontFinder::steps_down(int x, int y, int to_x, int to_y, double& edge) con
 /// @param n, to neighbours along an axis, on a way between places in the columns
 inline bool FrontFinder::passes(int n, int to, double surface) const {
   const Columns& c = *columns_;
-  if (!c.rigid.empty() && c.rigid[static_cast<std::size_t>(to)] != 0) return false;
+  if (!c.open(to)) return false;
   const double most = slope_ + tau_, here = c.at(n), there = c.at(to);
   if (std::abs(here - there) > most || std::abs(c.firm_at(n) - c.firm_at(to)) > most) {
     const int x = n / c.ny, y = n % c.ny, to_x = to / c.ny, to_y = to % c.ny;

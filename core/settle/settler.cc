@@ -72,11 +72,12 @@ bool Settler::has_changes() {
   return !changes_to_take_.empty();
 }
 
-/// Reads window_ anew.
+/// Makes window_ one of unread columns, each of which is read when it is asked for: of all that
+/// soil might come to it comes to little.
 void Settler::look_at(const Coord2& first, const Coord2& size) {
   refresh();
-  const Eigen::AlignedBox2i cells(first, first + size - Coord2::Ones());
-  BlockedColumns walls = blocked();
+  window_.first = first;
+  window_.walls.emplace(columns_, walls_);
   Columns& to = window_.columns;
   to.nx = size.x();
   to.ny = size.y();
@@ -84,16 +85,42 @@ void Settler::look_at(const Coord2& first, const Coord2& size) {
   const auto n = static_cast<std::size_t>(to.nx * to.ny);
   to.height_m.resize(n);
   to.firm_m.resize(n);
-  to.rigid.resize(n);
+  to.rigid.assign(n, Columns::kUnread);
   window_.full.resize(n);
-  window_.first = first;
+  to.read = [this](int column) {
+    const Coord2 cell =
+        window_.first + Coord2(column / window_.columns.ny, column % window_.columns.ny);
+    Coord2 low = cell, high = cell;
+    low.y() = std::max(floor_to(cell.y(), kChunkSide), window_.first.y());
+    high.y() = std::min(floor_to(cell.y(), kChunkSide) + kChunkSide,
+                        window_.first.y() + window_.columns.ny) -
+               1;
+    read_columns({low, high});
+  };
+  // Heights are above that of the first column with ground.
   window_.zero = std::numeric_limits<double>::quiet_NaN();
+  const Eigen::AlignedBox2i cells(first, first + size - Coord2::Ones());
+  const Coord2 corner = floor_to(first, kChunkSide);
+  for (int cx = corner.x(); cx <= cells.max().x(); cx += kChunkSide) {
+    for (int cy = corner.y(); cy <= cells.max().y() && std::isnan(window_.zero); cy += kChunkSide) {
+      const Coord2 tile(cx, cy);
+      const Eigen::AlignedBox2i all(tile, tile + Coord2::Constant(kChunkSide - 1));
+      columns_.each(all.intersection(cells), [&](const Coord2&, const GroundColumn& c) {
+        if (c.known && std::isnan(window_.zero)) window_.zero = std::floor(c.bank);
+      });
+    }
+  }
+}
+
+/// Reads columns of window_.
+void Settler::read_columns(const Eigen::AlignedBox2i& cells) {
+  Columns& to = window_.columns;
   columns_.each(cells, [&](const Coord2& cell, const GroundColumn& c) {
-    const auto i = static_cast<std::size_t>(to.index(cell.x() - first.x(), cell.y() - first.y()));
-    if (c.known && std::isnan(window_.zero)) window_.zero = std::floor(c.bank);
+    const Coord2 in = cell - window_.first;
+    const auto i = static_cast<std::size_t>(to.index(in.x(), in.y()));
     to.height_m[i] = c.known ? c.top - window_.zero : 0;
     to.firm_m[i] = c.known ? c.bank - window_.zero : 0;
-    to.rigid[i] = !c.known || walls(cell);
+    to.rigid[i] = !c.known || (*window_.walls)(cell);
     window_.full[i] = c.known ? c.full : 0;
   });
 }

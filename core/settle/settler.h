@@ -110,10 +110,12 @@ class Settler {
     double zero;   ///< heights are above this, index space
     Columns columns;
     std::vector<int> full;  ///< by column: all cells are full up to this one
+    std::optional<BlockedColumns> walls;
   };
 
   void refresh();
   void look_at(const Coord2& first, const Coord2& size);
+  void read_columns(const Eigen::AlignedBox2i& cells);
   BlockedColumns blocked() { return {columns_, walls_}; }
   void take_out(std::span<const ColumnEdit> changes);
   std::vector<std::int64_t> let_slide(std::span<const ColumnEdit> changes);

@@ -80,6 +80,7 @@ bool Settler::fail_banks(Eigen::AlignedBox2i& changed) {
     const Coord2 end = floor_to(changed.max() + wide, kChunkSide) + Coord2::Constant(kChunkSide);
     const Coord2 size = end - first;
     look_at(first, size);
+    read_columns({first, first + size - Coord2::Ones()});
     if (const auto failed = fail_bank(changed, size.maxCoeff() >= kMaxWindowCells)) return !*failed;
   }
 }

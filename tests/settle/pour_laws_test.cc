@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 #include "core/settle/front.h"
@@ -244,6 +245,100 @@ TEST(PourLaws, RigidColumnsStayAsTheyAre) {
     if (ground.rigid[i] != 0) {
       ASSERT_EQ(ground.height_m[i], 0);
     }
+}
+
+/// The same columns, none of them read yet and without heights. @param known outlives them
+struct UnreadColumns {
+  explicit UnreadColumns(const Columns& known)
+      : columns(known.nx, known.ny, known.side_m, std::numeric_limits<double>::quiet_NaN()) {
+    columns.firm_m = columns.height_m;
+    columns.rigid.assign(columns.height_m.size(), Columns::kUnread);
+    columns.read = [this, &known](int column) {
+      const auto n = static_cast<std::size_t>(column);
+      columns.height_m[n] = known.height_m[n];
+      columns.firm_m[n] = known.firm_m[n];
+      columns.rigid[n] = known.rigid[n];
+      ++reads;
+    };
+  }
+  UnreadColumns(const UnreadColumns&) = delete;
+  UnreadColumns& operator=(const UnreadColumns&) = delete;
+
+  Columns columns;
+  std::size_t reads = 0;
+};
+
+TEST(PourLaws, ColumnsThatAreReadWhenSoilComesToThemGiveTheSameBits) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> share(0, 1);
+  Pourer pourer;
+  int ran = 0;
+  for (std::uint64_t seed = 0; seed < 48; ++seed) {
+    Columns known = rough(seed, 0.6 * share(random), static_cast<Relief>(seed % 3));
+    const Vec2 tilt = Vec2(2 * share(random) - 1, 2 * share(random) - 1) * 1.5 * kPourSlope;
+    for (int n = 0; n < known.nx * known.ny; ++n) {
+      known.at(n) += tilt.dot(middle_m(known, n));
+      known.firm_m[static_cast<std::size_t>(n)] = known.at(n) - 0.05 * share(random);
+      known.rigid.push_back(share(random) < 0.02 ? 1 : 0);
+    }
+    const Columns before = known;
+    UnreadColumns unread(before);
+    Columns& lazy = unread.columns;
+    for (int pour = 0; pour < 3; ++pour) {
+      const Vec2 along = pour == 1 ? Vec2(0.4, 0.3 * share(random)) : Vec2(0, 0);
+      const Vec2 at = (kColumns * kSide_m - 0.5) * Vec2(share(random), share(random));
+      const bool leaves = share(random) < 0.5;
+      const Pourer::Foot foot = pourer.foot(known, at, kPourSlope);
+      const Pourer::Foot lazy_foot = pourer.foot(lazy, at, kPourSlope);
+      ASSERT_EQ(foot.at_m, lazy_foot.at_m);
+      ASSERT_EQ(foot.at_border, lazy_foot.at_border);
+      ran += foot.at_m != at;
+      const Deposit eager = pourer.pour(known, at, kQuantum_m3, kPourSlope, leaves, along);
+      const Deposit deposit = pourer.pour(lazy, at, kQuantum_m3, kPourSlope, leaves, along);
+      ASSERT_EQ(deposit.left_m3, eager.left_m3);
+      ASSERT_EQ(deposit.exit_m, eager.exit_m);
+      ASSERT_EQ(deposit.cones.size(), eager.cones.size());
+      for (std::size_t i = 0; i < eager.cones.size(); ++i) {
+        const auto& a = deposit.cones[i].columns;
+        const auto& b = eager.cones[i].columns;
+        ASSERT_EQ(a.size(), b.size());
+        for (std::size_t n = 0; n < b.size(); ++n) {
+          ASSERT_EQ(a[n].column, b[n].column);
+          ASSERT_EQ(a[n].before_m, b[n].before_m);
+          ASSERT_EQ(a[n].after_m, b[n].after_m);
+          ASSERT_EQ(a[n].from_m, b[n].from_m);
+        }
+      }
+    }
+    for (std::size_t n = 0; n < lazy.height_m.size(); ++n) {
+      if (lazy.rigid[n] == Columns::kUnread) {
+        ASSERT_EQ(known.height_m[n], before.height_m[n]);
+      } else {
+        ASSERT_EQ(lazy.height_m[n], known.height_m[n]);
+      }
+    }
+  }
+  EXPECT_GT(ran, 20);
+}
+
+TEST(PourLaws, OfALargePlaneThatIsTooSteepOnlyTheWayDownIsRead) {
+  constexpr int kLarge = 400;
+  Pourer pourer;
+  for (int i = 0; i < 24; ++i) {
+    const double turn = 2 * kPi * (i + 0.3) / 24, slope = kPourSlope * (1.15 + 0.03 * i);
+    const Vec2 up(slope * std::cos(turn), slope * std::sin(turn));
+    const auto plane = [&](double x, double y) { return up.dot(Vec2(x, y)); };
+    Columns known = columns_of(kLarge * kSide_m, kLarge * kSide_m, kSide_m, plane);
+    known.rigid.assign(known.height_m.size(), 0);
+    UnreadColumns unread(known);
+    const Vec2 from = middle_m(known, known.index(kLarge / 2, kLarge / 2));
+    const Pourer::Foot foot = pourer.foot(unread.columns, from, kPourSlope);
+    EXPECT_TRUE(foot.at_border);
+    const double columns = (foot.at_m - from).lpNorm<1>() / kSide_m;
+    EXPECT_GT(columns, kLarge / 2 - 10);
+    // Those that the way goes through, and those beside them.
+    EXPECT_LT(static_cast<double>(unread.reads), 5 * columns + 20) << i;
+  }
 }
 
 TEST(PourLaws, LevelsHoldTheVolumeAlsoWhereTheyAreThatOfAColumn) {
