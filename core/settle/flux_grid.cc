@@ -321,19 +321,21 @@ int FluxGrid::relax(int most) {
 }
 
 /// What flows out of a column towards higher x, lower x, higher y, lower y.
-double FluxGrid::flow_out(std::size_t i, int direction) const {
-  constexpr std::size_t kPairs[4][2] = {{0, 4}, {2, 6}, {1, 3}, {5, 7}};
-  const auto& pair = kPairs[direction];
-  return double{arrays_[kFlux + pair[0]][i]} + double{arrays_[kFlux + pair[1]][i]};
+FluxGrid::Flows FluxGrid::flows_out(std::size_t i) const {
+  const auto pair = [&](std::size_t a, std::size_t b) {
+    return double{arrays_[kFlux + a][i]} + double{arrays_[kFlux + b][i]};
+  };
+  return {pair(0, 4), pair(2, 6), pair(1, 3), pair(5, 7)};
 }
 
 /// What a column has with what flows into it, and what flows out of it, as if it gave all.
 FluxGrid::Balance FluxGrid::balance(std::size_t i) const {
   const auto stride = static_cast<std::size_t>(stride_);
-  const double out = (flow_out(i, 0) + flow_out(i, 1)) + (flow_out(i, 2) + flow_out(i, 3));
-  const double in =
-      (share_[i - 1] * flow_out(i - 1, 0) + share_[i + 1] * flow_out(i + 1, 1)) +
-      (share_[i - stride] * flow_out(i - stride, 2) + share_[i + stride] * flow_out(i + stride, 3));
+  const Flows& to = flows_out_[i];
+  const double out = (to[0] + to[1]) + (to[2] + to[3]);
+  const double in = (share_[i - 1] * flows_out_[i - 1][0] + share_[i + 1] * flows_out_[i + 1][1]) +
+                    (share_[i - stride] * flows_out_[i - stride][2] +
+                     share_[i + stride] * flows_out_[i + stride][3]);
   return {in, given_[i] + in, out};
 }
 
@@ -392,6 +394,8 @@ std::vector<FluxGrid::Change> FluxGrid::changes() {
       }
     }
   }
+  flows_out_.resize(share_.size());
+  for (const std::size_t i : numbers) flows_out_[i] = flows_out(i);
   share_out(numbers);
   std::vector<Change> changes;
   for (std::size_t n = 0; n < columns.size(); ++n) {
@@ -400,7 +404,10 @@ std::vector<FluxGrid::Change> FluxGrid::changes() {
     if (b.in == 0 && b.out == 0) continue;
     changes.push_back({columns[n], given_[i], std::max(b.had - share_[i] * b.out, 0.0)});
   }
-  for (const std::size_t i : numbers) share_[i] = 1;
+  for (const std::size_t i : numbers) {
+    share_[i] = 1;
+    flows_out_[i] = {};
+  }
   return changes;
 }
 

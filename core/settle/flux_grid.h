@@ -108,7 +108,8 @@ class FluxGrid {
   Unrest unrest();
   double step(float momentum);
   static float value_of_nothing(int array);
-  double flow_out(std::size_t i, int direction) const;
+  using Flows = std::array<double, 4>;  ///< out, in the order of FluxRow::out
+  Flows flows_out(std::size_t i) const;
   struct Balance {
     double in, had, out;
   };
@@ -127,6 +128,7 @@ class FluxGrid {
   std::vector<Coord2> loaded_, active_;  // active ones are loaded, too
   std::array<std::vector<float>, kArrays> arrays_;
   std::vector<double> given_, share_;                // soil; share of its flux that a column gives
+  std::vector<Flows> flows_out_;                     // in changes(), of columns that aren't still
   std::vector<std::uint8_t> flows_, awake_, moved_;  // by eight columns
   std::vector<FluxRow> active_rows_, rows_;          // with active tiles; and with those beside
   std::vector<float> uphill_;                        // by rows, eight parts of each
