@@ -8,6 +8,7 @@
 #include <limits>
 #include <random>
 
+#include "core/constants.h"
 #include "core/settle/front.h"
 #include "tests/support/pour_fixture.h"
 
