@@ -184,6 +184,8 @@ struct ScanState : ScanRecord {
   std::optional<Pose> fit_pose(const Sensor& sensor, ScanRays& ends);
 
   // scan_votes.cc
+  /// Rays that ended in a column and those beside it near a height, world, and not as expected.
+  std::int64_t rays_about(const Coord2& cell, double height_m) const;
   /// Do enough rays end about where a ray does?
   bool is_met(const Vec3& end) const;
   void see_through();

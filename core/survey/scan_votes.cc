@@ -52,6 +52,11 @@ struct RaysOf {
                     kScanShare * static_cast<double>(expected + others));
   }
   bool may_agree() const { return static_cast<double>(others) >= least(); }
+  /// How many are most of them, and enough if those about the column agree.
+  double most() const {
+    return std::max(static_cast<double>(kScanFewVotes),
+                    std::floor(static_cast<double>(expected + others) / 2) + 1);
+  }
 
   std::int64_t expected, others;
 };
@@ -64,9 +69,9 @@ int extent_of(const std::array<std::int64_t, 16>& areas) {
 /// are taken by its quarters along both axes. Hits on the face of a wall lie above each other, and
 /// so reach over few of these: they are left out.
 /// @param wall heights above the column's `first`, m, of rays that are of no new ground
+/// @param least how many must agree
 std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
-                         const std::optional<Heights>& wall) {
-  const RaysOf of_column(column, votes);
+                         const std::optional<Heights>& wall, double least) {
   std::map<int, std::int64_t> left;  // rays by bin
   for (const auto& [bin, hits] : votes.hits)
     for (const auto& [sensor, of_sensor] : hits) left[bin] += of_sensor.rays;
@@ -88,7 +93,7 @@ std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
       most = near;
       best = bin;
     }
-    if (static_cast<double>(most) < of_column.least()) break;
+    if (static_cast<double>(most) < least) break;
     int first = best, last = best;
     if (left.contains(best - 1)) first = best - 1;
     if (left.contains(best + 1)) last = best + 1;
@@ -117,7 +122,7 @@ std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
     }
   }
   int widest = 0;
-  std::int64_t most_rays = of_column.expected;
+  std::int64_t most_rays = RaysOf(column, votes).expected;
   for (const Height& height : heights) {
     widest = std::max(widest, extent_of(height.areas));
     most_rays = std::max(most_rays, height.rays);
@@ -156,9 +161,7 @@ std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
 
 }  // namespace
 
-bool ScanState::is_met(const Vec3& end) const {
-  const Vec3 at = ground.index_from_world(end);
-  const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
+std::int64_t ScanState::rays_about(const Coord2& cell, double height_m) const {
   std::int64_t count = 0;
   std::optional<Coord2> last;
   auto tile = tiles.end();
@@ -172,13 +175,18 @@ bool ScanState::is_met(const Vec3& end) const {
       const auto votes = tile->second.votes.find(static_cast<int>(i));
       if (votes == tile->second.votes.end()) continue;
       const int bin =
-          static_cast<int>(std::floor((end.z() - first_m(tile->second.columns[i])) / kScanBinM));
+          static_cast<int>(std::floor((height_m - first_m(tile->second.columns[i])) / kScanBinM));
       const auto& hits = votes->second.hits;
       for (auto of = hits.lower_bound(bin - 1); of != hits.end() && of->first <= bin + 1; ++of)
         for (const auto& [sensor, some] : of->second) count += some.rays;
     }
   }
-  return count >= kScanVotes;
+  return count;
+}
+
+bool ScanState::is_met(const Vec3& end) const {
+  const Vec3 at = ground.index_from_world(end);
+  return rays_about({cell_of(at.x()), cell_of(at.y())}, end.z()) >= kScanVotes;
 }
 
 /// Votes of columns whose soil lies above rays, short of their ends. Only where other rays end as
@@ -244,8 +252,30 @@ std::optional<ScanState::Heights> ScanState::wall_at(const ScanTile& tile, std::
   return wall;
 }
 
-/// Columns of which enough rays say that they have another height get that. What too few rays say
-/// is kept, until there are so many that enough of them would have agreed.
+namespace {
+
+/// What a few rays of a column say, if most of them agree, and enough of those about it.
+std::optional<Vote> vote_of_few(const ScanState& state, const ScanTile& tile, std::size_t i,
+                                const ScanVotes& votes) {
+  const ScanColumn& column = tile.columns[i];
+  const RaysOf of_column(column, votes);
+  if (static_cast<double>(of_column.others) < of_column.most()) return {};
+  std::optional<Vote> few = vote(column, votes, state.wall_at(tile, i), of_column.most());
+  if (!few) return {};
+  std::int64_t about = state.rays_about(tile.place(i), state.first_m(column) + few->height);
+  // Those that pass through what stood there say as well that it is gone.
+  if (few->height < state.voxel_m() * (column.top - column.first)) about += votes.through;
+  if (about < kScanVotesAbout) return {};
+  // They see a part of the column.
+  few->spread = kEdgeCells * square(kScanBinM) / static_cast<double>(few->rays);
+  return few;
+}
+
+}  // namespace
+
+/// Columns of which enough rays say that they have another height get that, and those of which a
+/// few do together with those about them. What too few rays say is kept, until there are so many
+/// that enough of them would have agreed.
 void ScanState::take_votes() {
   see_through();
   // All are looked at before any is decided, so that the order of columns does not matter.
@@ -256,8 +286,11 @@ void ScanState::take_votes() {
       const auto i = static_cast<std::size_t>(n);
       const ScanColumn& column = tile.columns[i];
       if (std::isnan(column.top)) continue;
-      decisions.push_back(RaysOf(column, votes).may_agree() ? vote(column, votes, wall_at(tile, i))
-                                                            : std::nullopt);
+      const RaysOf of_column(column, votes);
+      std::optional<Vote>& decision = decisions.emplace_back();
+      if (of_column.may_agree())
+        decision = vote(column, votes, wall_at(tile, i), of_column.least());
+      if (!decision) decision = vote_of_few(*this, tile, i, votes);
     }
   }
   auto decision = decisions.begin();
