@@ -190,7 +190,8 @@ void bed(const Options& options, Goals& goals) {
 }
 
 /// A face dug in soil without cohesion fails along the plane through its toe at repose. What was
-/// above that lies on it, swollen, and before it.
+/// above that swells where it is, and slides from the front until it lies at repose: a layer of one
+/// height on the plane and before it, up to where it meets soil that stayed.
 void failed_face(const Options& options, Goals& goals) {
   constexpr double kDeep = 1.4, kFar = 3;
   const double h = options.quick ? 0.1 : 0.05;
@@ -201,8 +202,10 @@ void failed_face(const Options& options, Goals& goals) {
        {Vec3(-kFar, 0, 1), Vec3(-kFar, 0, -kDeep), Vec3(kFar, 0, -kDeep), Vec3(kFar, 0, 3)})
     site.tracker.update(0, Pose{to});
   site.tracker.come_to_rest();
-  // As much stands above the plane as was above it, swollen: a layer of one height.
-  const double layer_m = (1 + all.soil->swell) * kDeep / 2;
+  // At a height u above the toe the layer meets soil that only swelled: swollen * (kDeep - u) is
+  // layer_m. What slid, swollen * u^2 / 2, is what lies before the toe, layer_m^2 / 2.
+  const double swollen = 1 + all.soil->swell;
+  const double layer_m = swollen * kDeep / (1 + std::sqrt(swollen));
   std::vector<double> off_cells;
   each_column(site.ground, 0, [&](const Vec2& at, const GroundColumn& column) {
     const double ought_m = -kDeep + layer_m + kSlope * (-at.x() - kFar);
