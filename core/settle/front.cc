@@ -10,6 +10,9 @@
 namespace soilvdb::inline v0 {
 namespace {
 
+/// From a column to its neighbours along the axes; opposite sides add up to 3.
+constexpr int kTowards[4][2] = {{-1, 0}, {0, -1}, {0, 1}, {1, 0}};
+
 Vec2 middle(int x, int y) { return {x + 0.5, y + 0.5}; }
 
 }  // namespace
@@ -47,6 +50,11 @@ void FrontFinder::look_at(const Columns& columns, double slope) {
   slope_ = slope * columns.side_m;
   tau_ = kRunOnDrop * columns.side_m;
   labels_.resize(columns.height_m.size());
+  steps_.resize(columns.height_m.size());
+  if (++ground_ == 0) {
+    for (Steps& s : steps_) s.ground = 0;
+    ground_ = 1;
+  }
 }
 
 int FrontFinder::add_anchor(const Vec2& at, double distance) {
@@ -156,33 +164,42 @@ bool FrontFinder::take(const Queued& next) {
 }
 
 void FrontFinder::expand(int column) {
-  const int x = column / columns_->ny, y = column % columns_->ny;
-  if (!growing_) over_lips_of(column, label(column).anchor);
-  for (int i = -1; i <= 1; ++i)
-    for (int j = -1; j <= 1; ++j)
-      if ((i != 0 || j != 0) && columns_->open(x + i, y + j)) relax(column, x, y, x + i, y + j);
-}
-
-void FrontFinder::relax(int column, int x, int y, int to_x, int to_y) {
-  const int to = columns_->index(to_x, to_y);
+  const Columns& c = *columns_;
+  const int x = column / c.ny, y = column % c.ny;
   const Label here = label(column);
-  if (labelled(to) &&
-      (label(to).anchor == here.anchor || (!growing_ && label(to).state == kReached)))
-    return;
-  const Anchor from = anchor(here.anchor);
-  const Vec2 goal = middle(to_x, to_y);
-  const double direct = from.distance_to(goal);
-  if (labelled(to) && label(to).distance <= direct + kSamePlace) return;
-  const double level = growing_ ? std::max(level_, columns_->at(to) + slope_ * direct) : level_;
-  if (sees(here.anchor, to_x, to_y, level)) return reach(to, direct, here.anchor);
-  double edge;
-  if ((x == to_x || y == to_y) && step(x, y, to_x, to_y, edge)) return;  // over_lips_of()
-  // Round a corner: distances go on from the middle of this column.
-  const double bent = here.distance + (goal - middle(x, y)).norm();
-  if (labelled(to) && label(to).distance <= bent + kSamePlace) return;
-  const double level_here = growing_ ? std::max(level_, columns_->at(to) + slope_ * bent) : level_;
-  if (here.corner < 0) label(column).corner = add_anchor(middle(x, y), here.distance);
-  if (sees(label(column).corner, to_x, to_y, level_here)) reach(to, bent, label(column).corner);
+  const Anchor from = anchor(here.anchor);  // a copy: their list may grow
+  if (!growing_) over_lips_of(column, here.anchor);
+  for (int i = -1; i <= 1; ++i) {
+    for (int j = -1; j <= 1; ++j) {
+      if ((i == 0 && j == 0) || !c.open(x + i, y + j)) continue;
+      const int to = column + i * c.ny + j;
+      const bool known = labelled(to);
+      if (known && (label(to).anchor == here.anchor || (!growing_ && label(to).state == kReached)))
+        continue;
+      const Vec2 goal = middle(x + i, y + j);
+      const Vec2 way = from.nearest(goal) - goal;
+      const double direct = from.distance + way.norm();
+      const double longest = known ? label(to).distance : kInfinity;
+      if (longest <= direct + kSamePlace) continue;
+      const double key = c.at(to);
+      const auto level = [&](double distance) {
+        return growing_ ? std::max(level_, key + slope_ * distance) : level_;
+      };
+      if (sees(here.anchor, from.distance, way, to, level(direct))) {
+        reach(to, direct, here.anchor);
+        continue;
+      }
+      // Over a step it is over_lips_of() that goes on.
+      if ((i == 0 || j == 0) && steps_to(column, to)) continue;
+      // Round a corner: distances go on from the middle of this column.
+      const Vec2 back(-i, -j);
+      const double bent = here.distance + back.norm();
+      if (longest <= bent + kSamePlace) continue;
+      int& corner = label(column).corner;
+      if (corner < 0) corner = add_anchor(middle(x, y), here.distance);
+      if (sees(corner, here.distance, back, to, level(bent))) reach(to, bent, corner);
+    }
+  }
 }
 
 void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const Anchor& from) {
@@ -225,7 +242,7 @@ void FrontFinder::over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens,
   if (!(columns_->at(to) + slope_ * distance < level_)) return;
   front_->anchors.push_back({lip, to_lip, true, opens});
   const int at_lip = static_cast<int>(front_->anchors.size()) - 1;
-  if (sees(at_lip, x, y, level_)) reach(to, distance, at_lip);
+  if (sees(at_lip, to_lip, lip - middle(x, y), to, level_)) reach(to, distance, at_lip);
 }
 
 void FrontFinder::reach(int column, double distance, int anchor) {
@@ -248,14 +265,38 @@ void FrontFinder::reach(int column, double distance, int anchor) {
 }
 
 void FrontFinder::over_lips_of(int column, int from) {
+  const unsigned down = steps(column);
+  if (down == 0) return;
+  const Anchor here = anchor(from);  // a copy: their list may grow
   const int x = column / columns_->ny, y = column % columns_->ny;
-  constexpr int kNeighbours[4][2] = {{-1, 0}, {0, -1}, {0, 1}, {1, 0}};
-  for (const auto& side : kNeighbours) {
-    double edge;
-    const int to_x = x + side[0], to_y = y + side[1];
-    if (columns_->open(to_x, to_y) && step(x, y, to_x, to_y, edge))
-      over_lip(x, y, to_x, to_y, edge, Anchor(anchor(from)));
+  for (int side = 0; side < 4; ++side) {
+    if ((down >> side & 1) == 0) continue;
+    const int to_x = x + kTowards[side][0], to_y = y + kTowards[side][1];
+    over_lip(x, y, to_x, to_y, edge(column, side), here);
   }
+}
+
+/// To which sides the ground falls by a step, a bit each.
+unsigned FrontFinder::steps(int column) {
+  Steps& here = steps_[static_cast<std::size_t>(column)];
+  if (here.ground == ground_) return here.to;
+  const int x = column / columns_->ny, y = column % columns_->ny;
+  unsigned to = 0;
+  for (int side = 0; side < 4; ++side) {
+    double edge;
+    const int to_x = x + kTowards[side][0], to_y = y + kTowards[side][1];
+    if (columns_->open(to_x, to_y) && step(x, y, to_x, to_y, edge)) to |= 1u << side;
+  }
+  here = {ground_, static_cast<std::uint8_t>(to)};
+  return to;
+}
+
+/// Height of the upper edge of the step at a side.
+double FrontFinder::edge(int column, int side) const {
+  const int x = column / columns_->ny, y = column % columns_->ny;
+  double edge = 0;
+  steps_down(x, y, x + kTowards[side][0], y + kTowards[side][1], edge);
+  return edge;
 }
 
 /// As step(), of columns that one of the two drops between.
@@ -290,47 +331,42 @@ bool FrontFinder::steps_down(int x, int y, int to_x, int to_y, double& edge) con
 }
 
 /// @param n, to neighbours along an axis, on a way between places in the columns
-inline bool FrontFinder::passes(int n, int to, double surface) const {
+inline bool FrontFinder::passes(int n, int to, double surface) {
   const Columns& c = *columns_;
   if (!c.open(to)) return false;
   const double most = slope_ + tau_, here = c.at(n), there = c.at(to);
   if (std::abs(here - there) > most || std::abs(c.firm_at(n) - c.firm_at(to)) > most) {
-    const int x = n / c.ny, y = n % c.ny, to_x = to / c.ny, to_y = to % c.ny;
-    double edge;
-    if (step(x, y, to_x, to_y, edge) || step(to_x, to_y, x, y, edge)) return edge < surface;
+    const int side = side_of(to - n);
+    if (steps_to(n, to)) return edge(n, side) < surface;
+    if (steps_to(to, n)) return edge(to, 3 - side) < surface;
   }
   // Ground at the face's middle, from which it may rise by half of the slope to where the way is.
   return (here + there) / 2 < surface + slope_ / 2 + tau_;
 }
 
-bool FrontFinder::sees(int seen_from, int x, int y, double level) const {
-  const Anchor& from = anchor(seen_from);
-  const Vec2 way = from.nearest(middle(x, y)) - middle(x, y);
+/// Does soil whose top is at `level` above an anchor come from there straight to a column?
+/// @param distance of the anchor @param way from the column's middle to it
+bool FrontFinder::sees(int seen_from, double distance, const Vec2& way, int column, double level) {
   const double dx = std::abs(way.x()), dy = std::abs(way.y());
-  const int sx = way.x() > 0 ? 1 : -1, sy = way.y() > 0 ? 1 : -1;
+  const int by_x = way.x() > 0 ? columns_->ny : -columns_->ny, by_y = way.y() > 0 ? 1 : -1;
   // Between two neighbours that see the anchor nothing hides it but a lip.
   if (std::max(dx, dy) > 1.5) {
-    const Columns& c = *columns_;
-    const int next_x = dx > dy ? x + sx : x, next_y = dx > dy ? y : y + sy;
-    const auto shows = [&](int i, int j) {
-      if (!c.open(i, j)) return false;
-      const int n = c.index(i, j);
+    const int next = column + (dx > dy ? by_x : by_y), corner = column + by_x + by_y;
+    const auto shows = [&](int n) {
+      if (!columns_->open(n)) return false;
       if (!labelled(n) || label(n).anchor != seen_from || label(n).state == kTooHigh) return false;
-      return c.at(n) + slope_ * label(n).distance <= level + tau_;
+      return columns_->at(n) + slope_ * label(n).distance <= level + tau_;
     };
-    double edge;
-    if (shows(next_x, next_y) && shows(x + sx, y + sy) && !step(next_x, next_y, x, y, edge) &&
-        !step(x + sx, y + sy, next_x, next_y, edge))
+    if (shows(next) && shows(corner) && !steps_to(next, column) && !steps_to(corner, next))
       return true;
   }
   const double length = way.norm();
   const double every_x = dx > 0 ? 1 / dx : kInfinity, every_y = dy > 0 ? 1 / dy : kInfinity;
   double next_x = every_x / 2, next_y = every_y / 2;
-  const int by_x = sx * columns_->ny, by_y = sy;  // to the next column
-  for (int n = columns_->index(x, y);;) {
+  for (int n = column;;) {
     const double t = std::min(next_x, next_y);
     if (t >= 1 - kSamePlace) return true;
-    const double surface = level - slope_ * (from.distance + (1 - t) * length);
+    const double surface = level - slope_ * (distance + (1 - t) * length);
     if (std::abs(next_x - next_y) < kSamePlace) {
       const auto round = [&](int first) {
         return passes(n, n + first, surface) && passes(n + first, n + by_x + by_y, surface);

@@ -72,7 +72,7 @@ struct Front {
 /// Finds fronts. Keeps its memory from one to the next: what a front costs goes with its parts.
 class FrontFinder {
  public:
-  /// The ground may change between calls, its size doesn't.
+  /// To be called again when the ground has changed.
   void look_at(const Columns& columns, double slope);
 
   /// The front of soil whose top is at `level`; broken off once it holds more than `most`.
@@ -99,6 +99,10 @@ class FrontFinder {
     std::uint32_t epoch = 0;
     State state;
   };
+  struct Steps {
+    std::uint32_t ground = 0;
+    std::uint8_t to;
+  };
   struct Queued {
     double order, distance;
     int column, anchor;
@@ -111,8 +115,9 @@ class FrontFinder {
 
   const Columns* columns_ = nullptr;
   double slope_ = 0, tau_ = 0;  // metres per column; metres
-  std::uint32_t epoch_ = 0;
+  std::uint32_t epoch_ = 0, ground_ = 0;
   std::vector<Label> labels_;
+  std::vector<Steps> steps_;  // of this ground where they were asked for
   std::vector<Queued> queue_;
   std::vector<int> under_source_;
   Front* front_ = nullptr;
@@ -125,14 +130,17 @@ class FrontFinder {
   Queued pop();
   bool take(const Queued& next);
   void expand(int column);
-  void relax(int column, int x, int y, int to_x, int to_y);
   void over_lip(int x, int y, int to_x, int to_y, double edge, const Anchor& from);
   void over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens, const Anchor& from);
   void reach(int column, double distance, int anchor);
   void over_lips_of(int column, int anchor);
   bool steps_down(int x, int y, int to_x, int to_y, double& edge) const;
-  bool sees(int anchor, int x, int y, double level) const;
-  bool passes(int n, int to, double surface) const;
+  unsigned steps(int column);
+  int side_of(int way) const { return way == 1 ? 2 : way == -1 ? 1 : way > 0 ? 3 : 0; }
+  bool steps_to(int column, int to) { return (steps(column) >> side_of(to - column) & 1) != 0; }
+  double edge(int column, int side) const;
+  bool sees(int anchor, double distance, const Vec2& way, int column, double level);
+  bool passes(int n, int to, double surface);
   bool labelled(int column) const {
     return labels_[static_cast<std::size_t>(column)].epoch == epoch_;
   }

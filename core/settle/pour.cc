@@ -203,11 +203,11 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
     return deposit;
   }
   if (!(left > 0)) return deposit;
-  w.finder.look_at(ground, slope);
   const Source top{at, ground.index(x, y), along / ground.side_m};
   Source from = top;
   double level = kInfinity;  // of the soil that falls: at first it comes from above
   for (int n = 0; n < kMaxPourPiles && left > 0; ++n) {
+    w.finder.look_at(ground, slope);
     w.way.find(w.finder, ground, slope, from, level);
     Source lip = w.way.end();
     if (leaves && !from.is_line() && lip.column != from.column &&
