@@ -8,7 +8,7 @@
 #include <bit>
 #include <cmath>
 #include <memory>
-#include <numeric>
+#include <utility>
 #include <vector>
 
 #include "core/constants.h"
@@ -80,18 +80,19 @@ class SampleStack {
 
   Piece& piece(int z) {
     const auto i = static_cast<std::size_t>((z - first_.z()) / kChunkSide);
-    if (!pieces_[i]) {
-      pieces_[i] = std::make_unique_for_overwrite<Piece>();
-      Piece& p = *pieces_[i];
-      adds_ || bank_ ? ground_->read_samples(origin(i), p.may)
-                     : ground_->read_loose(origin(i), p.may);
-      if (adds_)
-        for (std::uint64_t& word : p.may) word = ~word;
-      p.chosen.words.fill(0);
-      p.chosen.cells.fill(0);
-      p.chosen.samples = 0;
-    }
-    return *pieces_[i];
+    return pieces_[i] ? *pieces_[i] : read(i);
+  }
+  Piece& read(std::size_t i) {
+    pieces_[i] = std::make_unique_for_overwrite<Piece>();
+    Piece& p = *pieces_[i];
+    adds_ || bank_ ? ground_->read_samples(origin(i), p.may)
+                   : ground_->read_loose(origin(i), p.may);
+    if (adds_)
+      for (std::uint64_t& word : p.may) word = ~word;
+    p.chosen.words.fill(0);
+    p.chosen.cells.fill(0);
+    p.chosen.samples = 0;
+    return p;
   }
   std::uint64_t may(const ColumnEdit& c, int z) { return piece(z).may[number_of(c, z)]; }
   /// @return number of samples
@@ -152,23 +153,19 @@ class Stacks {
   Stacks(const Ground& ground, std::span<const ColumnEdit> changes, double slope, bool adds,
          bool bank)
       : taken_(changes.size()) {
-    const auto corner = [](const ColumnEdit& c) {
-      return std::pair(floor_to(c.cell.x(), kChunkSide), floor_to(c.cell.y(), kChunkSide));
-    };
-    order_.resize(changes.size());
-    std::iota(order_.begin(), order_.end(), std::size_t{0});
-    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-      return corner(changes[a]) < corner(changes[b]);
-    });
+    order_.reserve(changes.size());
+    for (std::size_t i = 0; i < changes.size(); ++i) {
+      const Coord2 corner = floor_to(changes[i].cell, kChunkSide);
+      order_.push_back({{corner.x(), corner.y()}, i});
+    }
+    std::sort(order_.begin(), order_.end());
     sorted_.reserve(changes.size());
-    for (const std::size_t i : order_) sorted_.push_back(changes[i]);
+    for (const auto& [corner, i] : order_) sorted_.push_back(changes[i]);
     std::vector<std::size_t> firsts;
-    for (auto from = sorted_.begin(); from != sorted_.end();) {
-      const auto to = std::find_if(from, sorted_.end(),
-                                   [&](const auto& c) { return corner(c) != corner(*from); });
-      firsts.push_back(static_cast<std::size_t>(from - sorted_.begin()));
-      stacks_.emplace_back(ground, std::span<const ColumnEdit>(from, to), adds, bank);
-      from = to;
+    for (std::size_t from = 0, to = 0; from < order_.size(); from = to) {
+      while (to < order_.size() && order_[to].first == order_[from].first) ++to;
+      firsts.push_back(from);
+      stacks_.emplace_back(ground, std::span(sorted_).subspan(from, to - from), adds, bank);
     }
     const auto run = [&](std::size_t i) {
       stacks_[i].choose(static_cast<float>(slope), &taken_[firsts[i]]);
@@ -197,12 +194,13 @@ class Stacks {
   /// Their number by change.
   std::vector<std::int64_t> by_change() const {
     std::vector<std::int64_t> by(taken_.size());
-    for (std::size_t i = 0; i < by.size(); ++i) by[order_[i]] = taken_[i];
+    for (std::size_t i = 0; i < by.size(); ++i) by[order_[i].second] = taken_[i];
     return by;
   }
 
  private:
-  std::vector<std::size_t> order_;  // numbers of the changes as they are sorted
+  /// The columns of chunks that the changes are in, and their numbers, as they are sorted.
+  std::vector<std::pair<std::pair<int, int>, std::size_t>> order_;
   std::vector<ColumnEdit> sorted_;
   std::vector<std::int64_t> taken_;  // by these
   std::vector<SampleStack> stacks_;
