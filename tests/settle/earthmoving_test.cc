@@ -6,12 +6,12 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <memory>
 #include <optional>
 #include <random>
 
+#include "tests/support/counted_plane.h"
 #include "tests/support/earthmoving_fixture.h"
 
 namespace soilvdb::test {
@@ -60,39 +60,17 @@ TEST(Earthmoving, APourIsACone) {
   }
 }
 
-/// A plane that counts how often a chunk's samples are asked for.
-class CountedPlane final : public InitialTerrain {
- public:
-  CountedPlane(const Vec2& slope, std::atomic<int>& asked)
-      : plane_(make_plane(0, slope)), asked_(asked) {}
-  Content classify(const Eigen::AlignedBox3d& box) const override { return plane_->classify(box); }
-  bool has_data(const Eigen::AlignedBox3d&) const override { return true; }
-  void distance(const Vec3& first, double h, double band, float* phi) const override {
-    plane_->distance(first, h, band, phi);
-  }
-  void samples(const Coord3& chunk, const Vec3& first, double h,
-               SampleWords& words) const override {
-    ++asked_;
-    plane_->samples(chunk, first, h, words);
-  }
-  std::optional<double> height(double x, double y) const override { return plane_->height(x, y); }
-
- private:
-  std::unique_ptr<InitialTerrain> plane_;
-  std::atomic<int>& asked_;
-};
-
 // Soil that nothing holds goes far: not all the ground around its way is read.
 TEST(Earthmoving, OfGroundALittleTooSteepOnlyThatUnderTheSoilIsRead) {
   for (const double turn : {0.0, 0.7, 2.5, 4.0}) {
-    std::atomic<int> asked = 0;
     const Vec2 up = 1.03 * kSlope * Vec2(std::cos(turn), std::sin(turn));
-    Ground ground(0.05, Vec3::Zero(), std::make_unique<CountedPlane>(up, asked));
+    const auto plane = std::make_shared<CountedPlane>(0, up);
+    Ground ground(0.05, Vec3::Zero(), plane);
     Tracker tracker(ground, {}, loam_with_pours({{"a", {0.013, -0.021, 1}, 0, 0, 0.02}}));
     tracker.pour(0, 0);
     EXPECT_EQ(residual(tracker), 0);
-    EXPECT_GT(asked, 100) << turn;
-    EXPECT_LT(asked, 2500) << turn;
+    EXPECT_GT(plane->asked, 100) << turn;
+    EXPECT_LT(plane->asked, 2500) << turn;
   }
 }
 

@@ -17,32 +17,11 @@
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/tracker.h"
+#include "tests/support/counted_plane.h"
 #include "tests/support/difference_fixture.h"
 
 namespace soilvdb {
 namespace ground_terrain_test {
-
-/// A slope that counts how often somebody asks for a chunk of it.
-class Counted final : public InitialTerrain {
- public:
-  Content classify(const Eigen::AlignedBox3d& box) const override { return plane_->classify(box); }
-  bool has_data(const Eigen::AlignedBox3d&) const override { return true; }
-  void distance(const Vec3& first, double h, double band, float* phi) const override {
-    ++asked;
-    plane_->distance(first, h, band, phi);
-  }
-  void samples(const Coord3& chunk, const Vec3& first, double h,
-               SampleWords& words) const override {
-    ++asked;
-    plane_->samples(chunk, first, h, words);
-  }
-  std::optional<double> height(double x, double y) const override { return plane_->height(x, y); }
-
-  mutable std::atomic<int> asked = 0;
-
- private:
-  std::unique_ptr<InitialTerrain> plane_ = make_plane(0.013, {0.1, -0.2});
-};
 
 constexpr double kVoxel = 0.05;
 
@@ -65,7 +44,8 @@ class DugGround : public ::testing::Test {
   }
   std::unique_ptr<InitialTerrain> surface() const { return make_ground_terrain(ground_); }
 
-  const std::shared_ptr<Counted> base_ = std::make_shared<Counted>();
+  const std::shared_ptr<test::CountedPlane> base_ =
+      std::make_shared<test::CountedPlane>(0.013, Vec2(0.1, -0.2));
   const std::shared_ptr<Ground> ground_ = std::make_shared<Ground>(kVoxel, Vec3::Zero(), base_);
 };
 
