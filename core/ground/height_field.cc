@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -11,6 +12,7 @@
 #include "core/ground/ray_terrain.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/chunk_math.h"
+#include "core/lattice/lanes.h"
 #include "core/lattice/ray_walk.h"
 #include "soilvdb/initial_terrain.h"
 
@@ -83,12 +85,19 @@ class HeightField final : public InitialTerrain, public RayTerrain {
     const HeightTiles::Window& w = tiles_.window(first.head<2>() - half, last + half);
     // Within a cell the ground differs from its height in the middle by at most this.
     const double half_range = h / 2 * (1 + steepest_x(w) + steepest_y(w));
+    std::array<CellPlace, kChunkSide> xs, ys;
+    for (int k = 0; k < kChunkSide; ++k) {
+      xs[static_cast<std::size_t>(k)] = place_of_cell(0, first.x() + h * k, h, w.x0, w.nx);
+      ys[static_cast<std::size_t>(k)] = place_of_cell(1, first.y() + h * k, h, w.y0, w.ny);
+    }
     for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
-      const Vec3 bottom = first + h * numbered_voxel(column).cast<double>();
-      const double ground = at(w, bottom.x(), bottom.y());
-      const HeightTiles::Bounds bounds = bounds_of(w, bottom.head<2>() - half, h);
+      const Coord3 voxel = numbered_voxel(column);
+      const CellPlace& x = xs[static_cast<std::size_t>(voxel.x())];
+      const CellPlace& y = ys[static_cast<std::size_t>(voxel.y())];
+      const double ground = between(w, x.middle, y.middle);
+      const HeightTiles::Bounds bounds = bounds_of(w, x, y);
       for (int z = 0; z < kChunkSide; ++z) {
-        const double middle = bottom.z() + h * z, gap = middle - ground;
+        const double middle = first.z() + h * z, gap = middle - ground;
         std::uint64_t& word = words[static_cast<std::size_t>(column + z)];
         if (bounds.complete && std::abs(gap) > half_range) {
           word = gap < 0 ? kAllSoil : 0;
@@ -103,7 +112,7 @@ class HeightField final : public InitialTerrain, public RayTerrain {
           continue;
         }
         const CellPoints& points = sample_points(chunk + numbered_voxel(column + z));
-        word = occupancy(w, bottom + Vec3(-h / 2, -h / 2, h * z - h / 2), h, points);
+        word = occupancy(w, x, y, first.z() + (h * z - h / 2), h, bounds, points);
       }
     }
   }
@@ -152,18 +161,50 @@ class HeightField final : public InitialTerrain, public RayTerrain {
   }
 
  private:
-  /// Of the posts about a square. @param low its corner @param h its side
-  HeightTiles::Bounds bounds_of(const HeightTiles::Window& w, const Vec2& low, double h) const {
-    const Vec2 from = tiles_.post(low.x(), low.y()), to = tiles_.post(low.x() + h, low.y() + h);
-    const int i0 = static_cast<int>(std::max(std::floor(from.x()), double(w.x0)));
-    const int j0 = static_cast<int>(std::max(std::floor(from.y()), double(w.y0)));
-    const int i1 = static_cast<int>(std::min(std::floor(to.x()) + 1, double(w.x0 + w.nx - 1)));
-    const int j1 = static_cast<int>(std::min(std::floor(to.y()) + 1, double(w.y0 + w.ny - 1)));
+  /// A place along an axis, between posts.
+  struct Place {
+    int post;   // before it
+    double in;  // from there, in posts
+    bool is_known;
+  };
+  Place place(int axis, double at_m) const {
+    const double u = (at_m - grid_.first[axis]) / grid_.spacing[axis];
+    const int last = (axis == 0 ? grid_.nx : grid_.ny) - 1;
+    if (!(u >= 0 && u <= last)) return {0, 0, false};
+    const int post = std::min(static_cast<int>(u), last - 1);
+    return {post, u - post, true};
+  }
+  /// A cell along an axis: the same for all the cells of a chunk that stand beside and above it.
+  struct CellPlace {
+    double low_m;
+    Place middle;
+    int first, last;  // posts about it, of a window
+    bool is_inside;   // of the grid
+    bool is_in_patch;
+    double in;  // its low side from the first post, in posts
+  };
+  CellPlace place_of_cell(int axis, double middle_m, double h, int begin, int count) const {
+    const double low_m = middle_m - h / 2;
+    const double low = (low_m - grid_.first[axis]) / grid_.spacing[axis];
+    const double high = (low_m + h - grid_.first[axis]) / grid_.spacing[axis];
+    const int last = (axis == 0 ? grid_.nx : grid_.ny) - 1;
+    const double post = std::floor(low);
+    return {.low_m = low_m,
+            .middle = place(axis, middle_m),
+            .first = static_cast<int>(std::max(post, double(begin))),
+            .last = static_cast<int>(std::min(std::floor(high) + 1, double(begin + count - 1))),
+            .is_inside = low >= 0 && high <= last,
+            .is_in_patch = high <= post + 1 && post >= 0 && post + 1 <= last,
+            .in = low - post};
+  }
+
+  /// Of the posts about a column of cells.
+  static HeightTiles::Bounds bounds_of(const HeightTiles::Window& w, const CellPlace& x,
+                                       const CellPlace& y) {
     float least = std::numeric_limits<float>::infinity(), most = -least;
-    bool complete =
-        from.x() >= 0 && from.y() >= 0 && to.x() <= grid_.nx - 1 && to.y() <= grid_.ny - 1;
-    for (int j = j0; j <= j1; ++j) {
-      for (int i = i0; i <= i1; ++i) {
+    bool complete = x.is_inside && y.is_inside;
+    for (int j = y.first; j <= y.last; ++j) {
+      for (int i = x.first; i <= x.last; ++i) {
         const float z = w.at(i, j);
         complete = complete && !std::isnan(z);
         least = z < least ? z : least;
@@ -173,37 +214,53 @@ class HeightField final : public InitialTerrain, public RayTerrain {
     return {least, most, complete};
   }
 
-  /// Bit i is set if point i of the cell with low corner `low` and side `h` is soil.
-  std::uint64_t occupancy(const HeightTiles::Window& w, const Vec3& low, double h,
+  /// Bit i is set if point i of the cell with low side `low_m` and side `h` is soil.
+  /// @param bounds of the posts about it
+  std::uint64_t occupancy(const HeightTiles::Window& w, const CellPlace& x, const CellPlace& y,
+                          double low_m, double h, const HeightTiles::Bounds& bounds,
                           const CellPoints& points) const {
-    const Vec2 u0 = tiles_.post(low.x(), low.y()), u1 = tiles_.post(low.x() + h, low.y() + h);
-    const int i = static_cast<int>(std::floor(u0.x())), j = static_cast<int>(std::floor(u0.y()));
-    if (u1.x() <= i + 1 && u1.y() <= j + 1 && i >= 0 && j >= 0 && i + 1 < grid_.nx &&
-        j + 1 < grid_.ny) {
+    if (x.is_in_patch && y.is_in_patch) {
       // The cell lies in one patch: z = a + b x + c y + d x y in cell units.
+      const int i = x.first, j = y.first;
       const double z00 = w.at(i, j), z10 = w.at(i + 1, j), z01 = w.at(i, j + 1),
                    z11 = w.at(i + 1, j + 1);
-      const double twist = z00 - z10 - z01 + z11, u = u0.x() - i, v = u0.y() - j;
+      const double twist = z00 - z10 - z01 + z11, u = x.in, v = y.in;
       const double du = h / grid_.spacing.x(), dv = h / grid_.spacing.y();
       const double a0 = z00 + u * (z10 - z00) + v * (z01 - z00) + u * v * twist;
-      return points_below(points, static_cast<float>((a0 - low.z()) / h),
+      return points_below(points, static_cast<float>((a0 - low_m) / h),
                           static_cast<float>(((z10 - z00) + v * twist) * du / h),
                           static_cast<float>(((z01 - z00) + u * twist) * dv / h),
                           static_cast<float>(twist * du * dv / h));
     }
-    if (u0.x() >= 0 && u0.y() >= 0 && u1.x() <= grid_.nx - 1 && u1.y() <= grid_.ny - 1)
-      return below_patches(w, low, h, points);
+    if (x.is_inside && y.is_inside)
+      return below_patches(w, {x.low_m, y.low_m, low_m}, h, bounds, points);
     std::uint64_t bits = 0;
     for (int k = 0; k < 64; ++k) {
-      const double ground = at(w, low.x() + h * points.x[k], low.y() + h * points.y[k]);
-      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false without a height
+      const double ground = at(w, x.low_m + h * points.x[k], y.low_m + h * points.y[k]);
+      bits |= std::uint64_t{low_m + h * points.z[k] < ground} << k;  // false without a height
     }
     return bits;
   }
 
   /// occupancy() of a cell in several patches: heights as at() has them, to the bit.
   SOILVDB_FOR_CPUS std::uint64_t below_patches(const HeightTiles::Window& w, const Vec3& low,
-                                               double h, const CellPoints& points) const {
+                                               double h, const HeightTiles::Bounds& bounds,
+                                               const CellPoints& points) const {
+    // Most points are above or below all posts about the cell.
+    const float under = bounds.complete
+                            ? static_cast<float>((bounds.low - low.z()) / h) - kBoxRounding
+                            : -std::numeric_limits<float>::infinity();
+    const float over = static_cast<float>((bounds.high - low.z()) / h) + kBoxRounding;
+    std::uint64_t below = 0, open = 0;
+    for (std::size_t k = 0; k < 64; k += kChunkSide) {
+      const Lanes z = lanes_at(&points.z[k]);
+      below |= std::uint64_t{bits(z < under)} << k;
+      open |= std::uint64_t{bits((z >= under) & (z < over))} << k;
+    }
+    std::array<std::uint8_t, 64> numbers;
+    std::size_t count = 0;
+    for (; open != 0; open &= open - 1)
+      numbers[count++] = static_cast<std::uint8_t>(std::countr_zero(open));
     const double x0 = low.x(), y0 = low.y(), z0 = low.z();
     const double first_x = grid_.first.x(), first_y = grid_.first.y();
     const double spacing_x = grid_.spacing.x(), spacing_y = grid_.spacing.y();
@@ -211,38 +268,37 @@ class HeightField final : public InitialTerrain, public RayTerrain {
     const int begin = w.y0 * row + w.x0;
     std::array<double, 64> s, t;
     std::array<int, 64> places;
-    for (std::size_t k = 0; k < 64; ++k) {
-      const double u = (x0 + h * points.x[k] - first_x) / spacing_x;
-      const double v = (y0 + h * points.y[k] - first_y) / spacing_y;
+    for (std::size_t n = 0; n < count; ++n) {
+      const double u = (x0 + h * points.x[numbers[n]] - first_x) / spacing_x;
+      const double v = (y0 + h * points.y[numbers[n]] - first_y) / spacing_y;
       const int i = std::min(static_cast<int>(u), last_i),
                 j = std::min(static_cast<int>(v), last_j);
-      s[k] = u - i;
-      t[k] = v - j;
-      places[k] = j * row + i - begin;
+      s[n] = u - i;
+      t[n] = v - j;
+      places[n] = j * row + i - begin;
     }
-    std::array<unsigned char, 64> below;
+    std::array<unsigned char, 64> is_below;
     const float *near = w.posts.data(), *far = near + row;
-    for (std::size_t k = 0; k < 64; ++k) {
-      const double a = near[places[k]], b = near[places[k] + 1];
-      const double c = far[places[k]], d = far[places[k] + 1];
+    for (std::size_t n = 0; n < count; ++n) {
+      const double a = near[places[n]], b = near[places[n] + 1];
+      const double c = far[places[n]], d = far[places[n] + 1];
       const double ground =
-          (1 - t[k]) * ((1 - s[k]) * a + s[k] * b) + t[k] * ((1 - s[k]) * c + s[k] * d);
-      below[k] = z0 + h * points.z[k] < ground;  // not without a height
+          (1 - t[n]) * ((1 - s[n]) * a + s[n] * b) + t[n] * ((1 - s[n]) * c + s[n] * d);
+      is_below[n] = z0 + h * points.z[numbers[n]] < ground;  // not without a height
     }
-    std::uint64_t bits = 0;
-    for (std::size_t k = 0; k < 64; ++k) bits |= std::uint64_t{below[k]} << k;
-    return bits;
+    for (std::size_t n = 0; n < count; ++n) below |= std::uint64_t{is_below[n]} << numbers[n];
+    return below;
   }
 
   /// Height at (x, y); NaN without a height.
   double at(const HeightTiles::Window& w, double x, double y) const {
-    const Vec2 u = tiles_.post(x, y);
-    if (!(u.x() >= 0 && u.y() >= 0 && u.x() <= grid_.nx - 1 && u.y() <= grid_.ny - 1))
-      return kNoHeight;
-    const int i = std::min(static_cast<int>(u.x()), grid_.nx - 2);
-    const int j = std::min(static_cast<int>(u.y()), grid_.ny - 2);
-    const double s = u.x() - i, t = u.y() - j;
-    const double a = w.at(i, j), b = w.at(i + 1, j), c = w.at(i, j + 1), d = w.at(i + 1, j + 1);
+    return between(w, place(0, x), place(1, y));
+  }
+  static double between(const HeightTiles::Window& w, const Place& x, const Place& y) {
+    if (!x.is_known || !y.is_known) return kNoHeight;
+    const double s = x.in, t = y.in;
+    const double a = w.at(x.post, y.post), b = w.at(x.post + 1, y.post),
+                 c = w.at(x.post, y.post + 1), d = w.at(x.post + 1, y.post + 1);
     return (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d);
   }
 
