@@ -60,7 +60,7 @@ void GroundWriter::edit(Operation operation, std::span<const Edit> edits, std::s
   std::vector<Target> targets(edits.size());
   const std::size_t work = find(operation, edits, targets);
   const auto run = [&](std::size_t i) {
-    if (!targets[i].left_out) perform(operation, edits[i].origin, targets[i], i, change);
+    if (!targets[i].left_out) perform(operation, edits[i], targets[i], i, change);
   };
   try {
     if (work >= parallel_work) {
@@ -107,16 +107,21 @@ std::size_t GroundWriter::find(Operation operation, std::span<const Edit> edits,
 }
 
 /// Changes one chunk, after its leaf is made or its samples are read back.
-void GroundWriter::perform(Operation operation, const Coord3& origin, Target& target, std::size_t i,
+void GroundWriter::perform(Operation operation, const Edit& edit, Target& target, std::size_t i,
                            const Change& change) {
-  SampleWords base;
-  const bool made = target.leaf == nullptr;
-  if (made) {
-    ground_.read_base(origin, base);
-    if (operation == Operation::kRemove && is_air(base)) return;
-    target.made = std::make_unique<SampleLeaf>(to_coord(origin));
+  SampleWords read;
+  const SampleWords* base = nullptr;  // null: not known
+  const auto read_base = [&] {
+    ground_.read_base(edit.origin, read);
+    base = &read;
+  };
+  if (target.leaf == nullptr) {
+    base = edit.soil;  // that of the terrain
+    if (base == nullptr) read_base();
+    if (operation == Operation::kRemove && is_air(*base)) return;
+    target.made = std::make_unique<SampleLeaf>(to_coord(edit.origin));
     target.leaf = target.made.get();
-    target.leaf->chunk.samples.assign(base);
+    target.leaf->chunk.samples.assign(*base);
     recount(*target.leaf);
     target.leaf->chunk.base_count = target.leaf->chunk.soil_count;
   } else {
@@ -137,8 +142,9 @@ void GroundWriter::perform(Operation operation, const Coord3& origin, Target& ta
   recount(*target.leaf);
   if (operation == Operation::kRemove || chunk.above) return;
   chunk.above = true;  // also if the base can't be read any more
-  if (!made) ground_.read_base(origin, base);
-  chunk.above = exceeds(chunk.samples, base);
+  if (chunk.soil_count > chunk.base_count) return;
+  if (base == nullptr) read_base();
+  chunk.above = exceeds(chunk.samples, *base);
 }
 
 /// Adds the new leaves to the tree, and lists the chunks that appeared or changed.

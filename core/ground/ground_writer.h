@@ -27,15 +27,16 @@ class GroundWriter {
  public:
   explicit GroundWriter(Ground& ground) : ground_(ground) {}
 
-  /// Whether samples are removed or added.
+  /// Whether samples are only removed, or may be added, too.
   enum class Operation { kRemove, kAdd };
   /// A chunk to change, with its work relative to other edits.
   struct Edit {
     Coord3 origin;
     std::size_t work = 1;
+    const SampleWords* soil = nullptr;  ///< its samples, if they were read already
   };
-  /// Changes the samples of edit `i`, in one direction only. It may change loose samples, too;
-  /// samples that are no longer soil must not be loose. @return true if it changed a sample
+  /// Changes the samples of edit `i`. It may change loose samples, too; samples that are no longer
+  /// soil must not be loose. @return true if it changed a sample
   using Change = std::function<bool(std::size_t i, Samples& samples, Samples& loose)>;
 
   /// Calls `change` once for each chunk; a removal skips chunks without soil. Chunks become
@@ -63,7 +64,7 @@ class GroundWriter {
  private:
   struct Target;
   std::size_t find(Operation operation, std::span<const Edit> edits, std::span<Target> targets);
-  void perform(Operation operation, const Coord3& origin, Target& target, std::size_t i,
+  void perform(Operation operation, const Edit& edit, Target& target, std::size_t i,
                const Change& change);
   void book(std::span<Target> targets);
   void load(Chunk& chunk);

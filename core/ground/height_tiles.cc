@@ -157,18 +157,23 @@ const HeightTiles::Window& HeightTiles::window(const Vec2& low, const Vec2& high
   w.ny = std::max(0, y1 - w.y0 + 1);
   w.posts.resize(std::size_t(w.nx) * w.ny);
   for (int y = 0; y < w.ny; ++y) {
-    for (int x = 0; x < w.nx; ++x) {
-      const int gx = w.x0 + x, gy = w.y0 + y;
+    const int gy = w.y0 + y;
+    for (int x = 0; x < w.nx;) {  // the posts of one tile at a time
+      const int gx = w.x0 + x, in_x = gx % kHeightTileSide;
       const Tile& t = tile(gx / kHeightTileSide, gy / kHeightTileSide);
-      const int nx = std::min(kHeightTileSide, grid_.nx - gx / kHeightTileSide * kHeightTileSide);
-      const float z = t.posts[std::size_t(gy % kHeightTileSide) * nx + gx % kHeightTileSide];
-      w.posts[std::size_t(y) * w.nx + x] = z;
-      if (std::isnan(z)) {
-        w.complete = false;
-      } else {
-        w.low = std::min<double>(w.low, z);
-        w.high = std::max<double>(w.high, z);
-      }
+      const int nx = std::min(kHeightTileSide, grid_.nx - (gx - in_x));
+      const int count = std::min(nx - in_x, w.nx - x);
+      std::copy_n(&t.posts[std::size_t(gy % kHeightTileSide) * nx + in_x], count,
+                  &w.posts[std::size_t(y) * w.nx + x]);
+      x += count;
+    }
+  }
+  for (const float z : w.posts) {
+    if (std::isnan(z)) {
+      w.complete = false;
+    } else {
+      w.low = std::min<double>(w.low, z);
+      w.high = std::max<double>(w.high, z);
     }
   }
   return w;

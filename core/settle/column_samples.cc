@@ -46,8 +46,9 @@ struct ChosenSamples {
 /// read when a column first comes to them.
 class SampleStack {
  public:
-  SampleStack(const Ground& ground, std::span<const ColumnEdit> changes, bool adds, bool bank)
-      : ground_(&ground), changes_(changes), adds_(adds), bank_(bank) {
+  /// @param bank also bank is removed
+  SampleStack(const Ground& ground, std::span<const ColumnEdit> changes, bool bank)
+      : ground_(&ground), changes_(changes), bank_(bank) {
     int low = changes_.front().low, high = changes_.front().high;
     for (const ColumnEdit& c : changes_) {
       low = std::min(low, c.low);
@@ -67,6 +68,9 @@ class SampleStack {
     return pieces_[i] && pieces_[i]->chosen.samples > 0 ? &pieces_[i]->chosen : nullptr;
   }
 
+  /// The soil of a chunk of which something was chosen; null: its loose soil alone was read.
+  const SampleWords* soil(std::size_t i) const { return bank_ ? &pieces_[i]->samples : nullptr; }
+
   /// @param taken receives the number of samples of each column
   void choose(float slope, std::int64_t* taken) {
     for (const ColumnEdit& c : changes_) *taken++ = choose(c, slope);
@@ -74,7 +78,7 @@ class SampleStack {
 
  private:
   struct Piece {
-    SampleWords may;  // what may change
+    SampleWords samples;  // as they are; loose ones alone without bank
     ChosenSamples chosen;
   };
 
@@ -85,16 +89,17 @@ class SampleStack {
   Piece& read(std::size_t i) {
     pieces_[i] = std::make_unique_for_overwrite<Piece>();
     Piece& p = *pieces_[i];
-    adds_ || bank_ ? ground_->read_samples(origin(i), p.may)
-                   : ground_->read_loose(origin(i), p.may);
-    if (adds_)
-      for (std::uint64_t& word : p.may) word = ~word;
+    bank_ ? ground_->read_samples(origin(i), p.samples) : ground_->read_loose(origin(i), p.samples);
     p.chosen.words.fill(0);
     p.chosen.cells.fill(0);
     p.chosen.samples = 0;
     return p;
   }
-  std::uint64_t may(const ColumnEdit& c, int z) { return piece(z).may[number_of(c, z)]; }
+  /// Samples that may change.
+  std::uint64_t may(const ColumnEdit& c, int z) {
+    const std::uint64_t samples = piece(z).samples[number_of(c, z)];
+    return c.rises ? ~samples : samples;
+  }
   /// @return number of samples
   SOILVDB_INLINE int take(const ColumnEdit& c, int z, std::uint64_t samples) {
     if (samples == 0) return 0;
@@ -111,7 +116,8 @@ class SampleStack {
   /// @return their number
   SOILVDB_FOR_CPUS std::int64_t choose(const ColumnEdit& c, float slope) {
     if (c.samples <= 0) return 0;
-    const int step = adds_ ? 1 : -1, from = adds_ ? c.low : c.high, to = adds_ ? c.high : c.low;
+    const int step = c.rises ? 1 : -1;
+    const int from = c.rises ? c.low : c.high, to = c.rises ? c.high : c.low;
     std::int64_t sum = 0;
     int last = from;  // cell in which the count is reached
     for (int z = from;; z += step) {
@@ -129,7 +135,7 @@ class SampleStack {
     for (; step * (last - z) > unsure; z += step) left -= take(c, z, may(c, z));
     const int end = step * (to - last) > unsure ? last + step * unsure : to;
     const int low = std::min(z, end), high = std::max(z, end);
-    const ColumnSurface surface{c.cone, c.a, c.b, slope, adds_ ? 1.0f : -1.0f};
+    const ColumnSurface surface{c.cone, c.a, c.b, slope, c.rises ? 1.0f : -1.0f};
     ranking_.clear();
     for (z = low; z <= high; ++z)
       ranking_.add(sample_points({c.cell.x(), c.cell.y(), z}), static_cast<float>(z - c.low),
@@ -141,7 +147,7 @@ class SampleStack {
 
   const Ground* ground_;
   std::span<const ColumnEdit> changes_;
-  bool adds_, bank_;
+  bool bank_;
   Coord3 first_;
   std::vector<std::unique_ptr<Piece>> pieces_;  // by chunks upwards
   SampleRanking ranking_;
@@ -150,8 +156,7 @@ class SampleStack {
 /// Chooses what changes, in stacks of chunks side by side.
 class Stacks {
  public:
-  Stacks(const Ground& ground, std::span<const ColumnEdit> changes, double slope, bool adds,
-         bool bank)
+  Stacks(const Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank)
       : taken_(changes.size()) {
     order_.reserve(changes.size());
     for (std::size_t i = 0; i < changes.size(); ++i) {
@@ -165,7 +170,7 @@ class Stacks {
     for (std::size_t from = 0, to = 0; from < order_.size(); from = to) {
       while (to < order_.size() && order_[to].first == order_[from].first) ++to;
       firsts.push_back(from);
-      stacks_.emplace_back(ground, std::span(sorted_).subspan(from, to - from), adds, bank);
+      stacks_.emplace_back(ground, std::span(sorted_).subspan(from, to - from), bank);
     }
     const auto run = [&](std::size_t i) {
       stacks_[i].choose(static_cast<float>(slope), &taken_[firsts[i]]);
@@ -177,20 +182,17 @@ class Stacks {
     }
     for (const SampleStack& stack : stacks_)
       for (std::size_t i = 0; i < stack.chunks(); ++i)
-        if (const ChosenSamples* some = stack.chosen(i)) chosen_.push_back({stack.origin(i), some});
+        if (const ChosenSamples* some = stack.chosen(i))
+          chosen_.push_back({stack.origin(i), some, stack.soil(i)});
   }
 
   /// Chunks of which something was chosen, and what.
   struct Chosen {
     Coord3 origin;
     const ChosenSamples* samples;
+    const SampleWords* soil;  // before; null: not known
   };
   const std::vector<Chosen>& chosen() const { return chosen_; }
-  std::int64_t samples() const {
-    std::int64_t sum = 0;
-    for (const Chosen& c : chosen_) sum += c.samples->samples;
-    return sum;
-  }
   /// Their number by change.
   std::vector<std::int64_t> by_change() const {
     std::vector<std::int64_t> by(taken_.size());
@@ -207,68 +209,80 @@ class Stacks {
   std::vector<Chosen> chosen_;
 };
 
-/// Adds samples, or removes them.
-SOILVDB_FOR_CPUS void apply(GroundWriter::Operation operation, const ChosenSamples& chosen,
-                            Samples& to) {
-  const bool adds = operation == GroundWriter::Operation::kAdd;
+/// What a change of a chunk did.
+struct Done {
+  ChangedSamples samples;
+  ColumnCounts counts;
+};
+
+/// Turns samples of a chunk: air becomes soil, and soil air. @param adds_loose the former is loose
+SOILVDB_FOR_CPUS void turn(const ChosenSamples& chosen, bool adds_loose, Samples& soil,
+                           Samples& loose, Done& done) {
   chosen.each([&](int n, std::uint64_t samples) {
-    const std::uint64_t word = to.word(n);
-    to.set_word(n, adds ? word | samples : word & ~samples);
+    const std::uint64_t before = soil.word(n), loose_before = loose.word(n);
+    const std::uint64_t added = samples & ~before, after = before ^ samples;
+    const std::uint64_t loose_after = (loose_before & after) | (adds_loose ? added : 0);
+    soil.set_word(n, after);
+    if (loose_after != loose_before) loose.set_word(n, loose_after);
+    const int more = std::popcount(added), taken = std::popcount(samples & loose_before);
+    const int taken_bank = std::popcount(samples & before & ~loose_before);
+    done.samples.added += more;
+    done.samples.taken.loose += taken;
+    done.samples.taken.bank += taken_bank;
+    const auto column = static_cast<std::size_t>(n / kChunkSide);
+    done.counts.loose[column] += (adds_loose ? more : 0) - taken;
+    done.counts.bank[column] += (adds_loose ? 0 : more) - taken_bank;
   });
 }
 
-/// Adds or removes what was chosen. @param and_loose also of the loose samples
-void edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operation, bool and_loose) {
+/// Changes what was chosen. @param adds_loose what is added is loose
+ChangedSamples edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operation,
+                    bool adds_loose, const CountReceiver& receiver = {}) {
+  const std::vector<Stacks::Chosen>& chosen = stacks.chosen();
   std::vector<GroundWriter::Edit> edits;
-  for (const Stacks::Chosen& c : stacks.chosen()) edits.push_back({c.origin});
+  for (const Stacks::Chosen& c : chosen) edits.push_back({.origin = c.origin, .soil = c.soil});
+  std::vector<Done> done(chosen.size());
   GroundWriter(ground).edit(operation, edits, kParallelFillChunks,
-                            [&](std::size_t i, Samples& samples, Samples& loose) {
-                              const ChosenSamples& chosen = *stacks.chosen()[i].samples;
-                              apply(operation, chosen, samples);
-                              if (and_loose) apply(operation, chosen, loose);
+                            [&](std::size_t i, Samples& soil, Samples& loose) {
+                              turn(*chosen[i].samples, adds_loose, soil, loose, done[i]);
                               return true;
                             });
+  ChangedSamples all;
+  for (std::size_t i = 0; i < done.size(); ++i) {
+    const ChangedSamples& some = done[i].samples;
+    all.added += some.added;
+    all.taken.bank += some.taken.bank;
+    all.taken.loose += some.taken.loose;
+    if (receiver) receiver(chosen[i].origin, done[i].counts);
+  }
+  return all;
 }
 
 }  // namespace
 
-std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                         bool loose, const ChunkReceiver& added) {
-  const Stacks stacks(ground, changes, slope, true, false);
-  edit(ground, stacks, GroundWriter::Operation::kAdd, loose);
-  if (added)
-    for (const Stacks::Chosen& c : stacks.chosen()) added(c.origin, c.samples->words, loose);
-  return stacks.samples();
+std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, double slope) {
+  std::vector<ColumnEdit> rising(changes.begin(), changes.end());
+  for (ColumnEdit& change : rising) change.rises = true;
+  const Stacks stacks(ground, rising, slope, /*bank=*/true);
+  return edit(ground, stacks, GroundWriter::Operation::kAdd, /*adds_loose=*/true).added;
 }
 
-Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                 const ChunkReceiver& removed) {
-  const Stacks stacks(ground, changes, slope, false, true);
-  Taken taken;
-  SampleWords loose;
-  for (const Stacks::Chosen& c : stacks.chosen()) {
-    ground.read_loose(c.origin, loose);
-    std::int64_t loose_samples = 0;
-    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= c.samples->words[n];
-    c.samples->each([&](int n, std::uint64_t) {
-      loose_samples += std::popcount(loose[static_cast<std::size_t>(n)]);
-    });
-    taken.loose += loose_samples;
-    taken.bank += c.samples->samples - loose_samples;
-    if (!removed) continue;
-    removed(c.origin, loose, true);
-    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] ^= c.samples->words[n];
-    removed(c.origin, loose, false);
-  }
-  edit(ground, stacks, GroundWriter::Operation::kRemove, true);
-  return taken;
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope) {
+  const Stacks stacks(ground, changes, slope, /*bank=*/true);
+  return edit(ground, stacks, GroundWriter::Operation::kRemove, false).taken;
 }
 
 std::vector<std::int64_t> remove_loose(Ground& ground, std::span<const ColumnEdit> changes,
                                        double slope) {
-  const Stacks stacks(ground, changes, slope, false, false);
-  edit(ground, stacks, GroundWriter::Operation::kRemove, true);
+  const Stacks stacks(ground, changes, slope, /*bank=*/false);
+  edit(ground, stacks, GroundWriter::Operation::kRemove, false);
   return stacks.by_change();
+}
+
+ChangedSamples change_samples(Ground& ground, std::span<const ColumnEdit> changes, bool loose,
+                              const CountReceiver& receiver) {
+  const Stacks stacks(ground, changes, 0, /*bank=*/true);
+  return edit(ground, stacks, GroundWriter::Operation::kAdd, loose, receiver);
 }
 
 }  // namespace soilvdb::inline v0

@@ -3,6 +3,7 @@
 // Adds samples to columns of cells, or removes them, in the shape of a surface.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -20,6 +21,7 @@ struct ColumnEdit {
   std::int64_t samples = 0;  ///< to be added, or to be removed
   bool cone = false;
   float a = 0, b = 0;  ///< a cone's apex from the column's corner, cells; or a plane's slopes
+  bool rises = false;  ///< which change_samples() asks: samples are added
 
   static constexpr auto kAll = std::numeric_limits<std::int64_t>::max();
   /// To remove all.
@@ -28,26 +30,36 @@ struct ColumnEdit {
   }
 };
 
-/// Receives the samples of a chunk that were added or removed: bank or loose ones, in turn.
-using ChunkReceiver =
-    std::function<void(const Coord3& origin, const SampleWords& samples, bool loose)>;
-
-/// Adds samples to columns: the lowest air below a surface of the column's shape. Heights are thus
-/// as requested to a sample, also if bank stands in a part of a column.
-/// @param slope of cones @param loose false: bank, where soil is rigid
+/// Adds loose samples to columns: the lowest air below a surface of the column's shape. Heights are
+/// thus as requested to a sample, also if bank stands in a part of a column.
+/// @param slope of cones
 /// @return number of samples added, fewer only if the columns' cells have no more room
-std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                         bool loose, const ChunkReceiver& added = {});
+std::int64_t add_samples(Ground& ground, std::span<const ColumnEdit> changes, double slope);
 
 /// Removed soil, samples.
 struct Taken {
   std::int64_t bank = 0, loose = 0;
 };
 /// Removes samples of any soil, the highest above surfaces first.
-Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                 const ChunkReceiver& removed = {});
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope);
 /// The same of loose soil alone. @return number of removed samples by column, as many as there were
 std::vector<std::int64_t> remove_loose(Ground& ground, std::span<const ColumnEdit> changes,
                                        double slope);
+
+/// Samples added to the columns of a chunk, less those removed. Column (x, y) is entry x * 8 + y.
+struct ColumnCounts {
+  std::array<std::int32_t, kChunkSide * kChunkSide> bank{}, loose{};
+};
+using CountReceiver = std::function<void(const Coord3& chunk, const ColumnCounts& counts)>;
+struct ChangedSamples {
+  std::int64_t added = 0;
+  Taken taken;
+};
+/// Adds samples to columns that rise, and removes samples of any soil from others; of planes. Does
+/// in one pass what add_samples() and remove_top() do if the columns differ.
+/// @param loose false: bank is added, where soil is rigid
+/// @param receiver is called once for each chunk that changed
+ChangedSamples change_samples(Ground& ground, std::span<const ColumnEdit> changes, bool loose,
+                              const CountReceiver& receiver);
 
 }  // namespace soilvdb::inline v0

@@ -150,7 +150,7 @@ std::vector<std::int64_t> Settler::let_slide(std::span<const ColumnEdit> changes
 
 /// Makes what is pending samples of columns, as many as find room.
 void Settler::put_in(std::span<const ColumnEdit> changes) {
-  const std::int64_t added = add_samples(ground_, changes, slope_, true);
+  const std::int64_t added = add_samples(ground_, changes, slope_);
   totals_.pending -= added * units_.loose;
   totals_.fill_samples += added;
 }

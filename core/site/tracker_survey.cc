@@ -25,12 +25,6 @@ int correction_room(float a, float b) {
   return kCorrectedCells + static_cast<int>(std::ceil(std::abs(a) + std::abs(b)));
 }
 
-/// What a survey changes.
-struct SurveyEdits {
-  std::vector<ColumnEdit> roofs, lowered, raised;
-  std::size_t size() const { return roofs.size() + lowered.size() + raised.size(); }
-};
-
 /// Columns of one tile of 8 x 8 that a survey changes.
 class SurveyedTile {
  public:
@@ -38,7 +32,7 @@ class SurveyedTile {
 
   /// Finds changes towards the survey's heights. Soil over a gap that the survey sees into is a
   /// roof: that goes first.
-  void find(const Ground& ground, BaseColumns& base, SurveyEdits& edits) const {
+  void find(const Ground& ground, BaseColumns& base, std::vector<ColumnEdit>& edits) const {
     const ColumnTile now = read_tile_exactly(base, cell_.x(), cell_.y(), kNoCeiling, false);
     std::array<std::int64_t, BaseColumn::kCells> changes = {};
     std::array<Span, BaseColumn::kCells> above;
@@ -114,54 +108,48 @@ class SurveyedTile {
   }
 
   void add(int c, const GroundColumn& column, std::int64_t change, const Span& above,
-           SurveyEdits& edits) const {
+           std::vector<ColumnEdit>& edits) const {
     const Coord2 cell = place_of(c);
     const int highest = std::max(cell_of(column.surface), cell_of(column.top));
     if (above.gap <= above.high) {
-      edits.roofs.push_back(ColumnEdit::all(cell, above.gap, highest));
+      edits.push_back(ColumnEdit::all(cell, above.gap, highest));
       return;
     }
     const float a = slope_of(c, {1, 0}), b = slope_of(c, {0, 1});
     const int room = correction_room(a, b), at = cell_of(wanted_of(c) / 64.0);
     const bool falls = change < 0;  // a cave below what rises is left as it is
-    (falls ? edits.lowered : edits.raised)
-        .push_back({.cell = cell,
-                    .low = falls ? at - room : std::min(column.full + 1, at),
-                    .high = falls ? highest : std::max(highest, at) + room,
-                    .samples = std::abs(change),
-                    .a = a,
-                    .b = b});
+    edits.push_back({.cell = cell,
+                     .low = falls ? at - room : std::min(column.full + 1, at),
+                     .high = falls ? highest : std::max(highest, at) + room,
+                     .samples = std::abs(change),
+                     .a = a,
+                     .b = b,
+                     .rises = !falls});
   }
 
   const SurveyHeights& survey_;
   Coord2 cell_;
 };
 
-ChunkReceiver booked_to(SurveyedSamples& samples, int sign) {
-  return [&samples, sign](const Coord3& chunk, const SampleWords& words, bool loose) {
-    samples.add(chunk, words, loose, sign);
-  };
-}
-
 }  // namespace
 
 void Tracker::correct(std::span<const ScanChange> changes) {
   ground_.evict();
-  std::vector<ColumnEdit> lowered, raised;
+  std::vector<ColumnEdit> edits;
+  edits.reserve(changes.size());
   for (const ScanChange& change : changes) {
     const float a = corrected_slope(change.slope.x()), b = corrected_slope(change.slope.y());
     const double after = change.top + static_cast<double>(change.samples) / 64;
     const int room = correction_room(a, b);
-    (change.samples < 0 ? lowered : raised)
-        .push_back({.cell = change.cell,
-                    .low = cell_of(std::min(change.top, after)) - room,
-                    .high = cell_of(std::max(change.top, after)) + room,
-                    .samples = std::abs(change.samples),
-                    .a = a,
-                    .b = b});
+    edits.push_back({.cell = change.cell,
+                     .low = cell_of(std::min(change.top, after)) - room,
+                     .high = cell_of(std::max(change.top, after)) + room,
+                     .samples = std::abs(change.samples),
+                     .a = a,
+                     .b = b,
+                     .rises = change.samples >= 0});
   }
-  lower(lowered);
-  raise(raised);
+  make(edits);
   others_forget_changes(settlers_.size());
 }
 
@@ -178,7 +166,7 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
         for (int cy = y; cy < std::min(y + kSurveyBlock, end.y()); cy += kChunkSide)
           tiles.emplace_back(survey, Coord2(cx, cy));
       for (int round = 0; round < kSurveyRounds && !tiles.empty(); ++round) {
-        SurveyEdits edits;
+        std::vector<ColumnEdit> edits;
         std::vector<SurveyedTile> others;
         for (const SurveyedTile& tile : tiles) {
           const std::size_t before = edits.size();
@@ -186,9 +174,7 @@ std::int64_t Tracker::survey(const SurveyHeights& survey) {
           if (edits.size() > before) others.push_back(tile);
         }
         if (round == 0) changed += static_cast<std::int64_t>(edits.size());
-        lower(edits.roofs);
-        lower(edits.lowered);
-        raise(edits.raised);
+        make(edits);
         tiles = std::move(others);
       }
     }
@@ -203,21 +189,19 @@ SurveyedSamples& Tracker::own_samples() {
   return *surveyed_samples_;
 }
 
-void Tracker::lower(std::span<const ColumnEdit> edits) {
-  if (edits.empty()) return;
+/// Makes corrections, and books them.
+void Tracker::make(std::span<const ColumnEdit> corrections) {
+  if (corrections.empty()) return;
+  SurveyedSamples& samples = own_samples();
+  const ChangedSamples changed = change_samples(
+      ground_, corrections, moves_soil(),
+      [&](const Coord3& chunk, const ColumnCounts& counts) { samples.add(chunk, counts); });
   const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
-  const Taken taken = remove_top(ground_, edits, 0, booked_to(own_samples(), -1));
+  const Taken& taken = changed.taken;
   surveyed_.removed += taken.bank + taken.loose;
   surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
-}
-
-void Tracker::raise(std::span<const ColumnEdit> edits) {
-  if (edits.empty()) return;
-  const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
-  const std::int64_t added =
-      add_samples(ground_, edits, 0, moves_soil(), booked_to(own_samples(), 1));
-  surveyed_.added += added;
-  surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
+  surveyed_.added += changed.added;
+  surveyed_.mass += changed.added * (moves_soil() ? units.loose : units.bank);
 }
 
 }  // namespace soilvdb::inline v0

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <array>
-#include <bit>
 #include <cstdint>
 #include <map>
 #include <stdexcept>
@@ -15,6 +14,7 @@
 #include "core/ground/base_columns.h"
 #include "core/lattice/bytes.h"
 #include "core/lattice/chunk_math.h"
+#include "core/settle/column_samples.h"
 
 namespace soilvdb::inline v0 {
 
@@ -25,12 +25,11 @@ class SurveyedSamples {
     std::int32_t bank = 0, loose = 0;
   };
 
-  /// Adds bank or loose samples of a chunk. @param sign -1: they were removed
-  void add(const Coord3& chunk, const SampleWords& samples, bool loose, int sign) {
+  void add(const Coord3& chunk, const ColumnCounts& counts) {
     Tile& tile = tiles_[{chunk.x(), chunk.y()}];
-    for (std::size_t n = 0; n < samples.size(); ++n) {
-      Column& column = tile[n / kChunkSide];
-      (loose ? column.loose : column.bank) += sign * std::popcount(samples[n]);
+    for (std::size_t i = 0; i < tile.size(); ++i) {
+      tile[i].bank += counts.bank[i];
+      tile[i].loose += counts.loose[i];
     }
   }
   Column at(const Coord2& column) const {

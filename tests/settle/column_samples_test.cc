@@ -135,7 +135,7 @@ TEST(ColumnSamples, AddsExactlySoManyToEachColumnAndTheLowest) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     RoughGround rough(seed);
     const auto changes = random_changes(random, seed % 3 == 0 ? 3000 : 400);
-    const std::int64_t added = add_samples(rough.ground, changes, kSlope, true);
+    const std::int64_t added = add_samples(rough.ground, changes, kSlope);
     const Sets after = sets_of(rough.ground, false), loose = sets_of(rough.ground, true);
     std::int64_t sum = 0;
     for (const ColumnEdit& change : changes) {
@@ -219,7 +219,7 @@ TEST(ColumnSamples, AreTheSameInAnyOrderAndOnAnyNumberOfThreads) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
       for (int run = 0; run < 2; ++run) {
         RoughGround rough(seed);
-        add_samples(rough.ground, changes, kSlope, true);
+        add_samples(rough.ground, changes, kSlope);
         remove_top(rough.ground, fewer, kSlope);
         if (hash == 0) hash = rough.ground.state_hash();
         EXPECT_EQ(rough.ground.state_hash(), hash);
@@ -233,7 +233,7 @@ TEST(ColumnSamples, AreTheSameInAnyOrderAndOnAnyNumberOfThreads) {
 TEST(ColumnSamples, StayWithoutChanges) {
   RoughGround rough(1);
   const std::uint64_t hash = rough.ground.state_hash();
-  EXPECT_EQ(add_samples(rough.ground, {}, kSlope, true), 0);
+  EXPECT_EQ(add_samples(rough.ground, {}, kSlope), 0);
   EXPECT_EQ(remove_top(rough.ground, {}, kSlope).bank, 0);
   EXPECT_EQ(rough.ground.state_hash(), hash);
 }

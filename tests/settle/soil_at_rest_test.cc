@@ -154,7 +154,7 @@ struct Roof {
       heap.push_back({.cell = cell, .low = 0, .high = high - 1, .samples = 64 * high});
       below.push_back({.cell = cell, .low = 0, .high = gap - 1, .samples = 64 * gap});
     });
-    add_samples(ground, heap, kSlope, true);
+    add_samples(ground, heap, kSlope);
     remove_loose(ground, below, kSlope);
   }
   std::int64_t at_height(int z) const {
@@ -210,7 +210,7 @@ TEST(SoilAtRest, SoilThatACutLeftStandingInAPartOfItsColumnFallsWithinIt) {
     for (int y = -1; y <= 1; ++y)
       if (x != 0 || y != 0)
         around.push_back({.cell = {x, y}, .low = 0, .high = 8, .samples = 64 * 3});
-  add_samples(ground, around, kSlope, true);
+  add_samples(ground, around, kSlope);
   Settler settler(ground, *loam().soil, {});
   const std::int64_t samples = loose_samples(ground);
   ASSERT_GT(GroundWindow(ground, {0, 0}, 1, 1).at(0, 0).surface, 5);

@@ -211,8 +211,7 @@ class Tracker {
   bool run_apart(std::span<const Group> groups, std::span<const Move> moves, const Run& run);
   void others_forget_changes(std::size_t settler);
   SurveyedSamples& own_samples();
-  void lower(std::span<const ColumnEdit> edits);
-  void raise(std::span<const ColumnEdit> edits);
+  void make(std::span<const ColumnEdit> corrections);
   void raise_walls();
   Ground& ground_;
   Earthmoving earthmoving_;
