@@ -190,8 +190,7 @@ void ScanState::read(ScanTile& tile, How how) {
         if (how == How::kChanged) rays.dropped += votes->second.rays() - votes->second.told;
         tile.votes.erase(votes);
       }
-      column.rays = column.height = column.blind = 0;
-      column.cells = {};
+      tile.rays[i] = {};
       column.prior = -1;
     }
     column.first = column.top = top;

@@ -273,7 +273,8 @@ class Rays {
   struct Place {
     Slot* slot = nullptr;
     std::size_t i = 0, quarter = 0;
-    ScanColumn& column() const { return slot->tile->columns[i]; }
+    const ScanColumn& column() const { return slot->tile->columns[i]; }
+    ColumnRays& rays() const { return slot->tile->rays[i]; }
   };
 
   void take(const Ray& ray, float range) {
@@ -332,26 +333,26 @@ class Rays {
   }
 
   /// Columns are many and stand far apart: those of rays to come are on their way meanwhile.
-  /// @return the column of a place, if it is known and near; else null
-  const ScanColumn* coming(const Places& places, std::size_t number) const {
+  /// @return the tile of a place, if it is known and near; else null
+  ScanTile* coming(const Places& places, std::size_t number) const {
     const int near = places.tile[number];
-    if (near < 0) return nullptr;
-    const ScanTile* tile = near_[static_cast<std::size_t>(near)].tile;
-    return tile == nullptr ? nullptr
-                           : &tile->columns[static_cast<std::size_t>(places.column[number])];
+    return near < 0 ? nullptr : near_[static_cast<std::size_t>(near)].tile;
   }
   void fetch_ground(std::size_t number) const {
-    const ScanColumn* const column = coming(met_, number);
-    if (column == nullptr) return;
-    __builtin_prefetch(&column->top);
-    __builtin_prefetch(&column->rays, 1);
+    const ScanTile* const tile = coming(met_, number);
+    if (tile == nullptr) return;
+    const auto i = static_cast<std::size_t>(met_.column[number]);
+    __builtin_prefetch(&tile->columns[i].top);
+    __builtin_prefetch(&tile->rays[i].met, 1);
   }
   void fetch_end(std::size_t number) const {
-    const ScanColumn* const column = coming(ends_, number);
-    if (column == nullptr) return;
-    __builtin_prefetch(&column->first);
-    __builtin_prefetch(&column->cells.areas[static_cast<std::size_t>(ends_.quarter[number])], 1);
-    __builtin_prefetch(&column->height, 1);
+    const ScanTile* const tile = coming(ends_, number);
+    if (tile == nullptr) return;
+    const auto i = static_cast<std::size_t>(ends_.column[number]);
+    const ColumnRays& rays = tile->rays[i];
+    __builtin_prefetch(&tile->columns[i].first);
+    __builtin_prefetch(&rays.cells.areas[static_cast<std::size_t>(ends_.quarter[number])], 1);
+    __builtin_prefetch(&rays.height, 1);
   }
 
   /// The columns that rays were to meet, and their slopes.
@@ -387,7 +388,7 @@ class Rays {
     if (met.slot == nullptr || m.is_met[n] == kMissed) return false;
     Place end;
     if (m.is_met[n] == kTooFlat) {
-      if (find(ends_, n, end)) ++end.column().blind;
+      if (find(ends_, n, end)) ++end.rays().blind;
       return true;
     }
     const float x = m.x[n], y = m.y[n], z = m.z[n], doubt = m.doubt[n];
@@ -395,18 +396,19 @@ class Rays {
         doubt >= 9 * (static_cast<float>(state_.expected_variance(*met.slot->tile, met.i)) +
                       mount_[0] + mount_[1] * (x * x + y * y) + mount_[2] * z * z))
       return false;
-    ScanColumn& column = met.column();
+    const ScanColumn& column = met.column();
     std::int64_t r = m.residual[n];
     if (column.top != column.first)
       r += height_units((column.top - column.first) * state_.voxel_m());
     if (met.slot->sums == nullptr) met.slot->sums = &met.slot->tile->sums[number_];
     (*met.slot->sums)[met.i].add(m.weight[n], r,
                                  {kScanHeightLever, m.lever_x[n], m.lever_y[n], m.lever_z[n]});
-    ++column.rays;
+    ++met.rays().met;
     if (find(ends_, n, end)) {
-      ScanColumn& in = end.column();
-      in.cells.add(end.quarter, m.area[n]);
-      if (!std::isnan(in.first)) in.height += height_units(above(in, ray.length * ray.z));
+      const ScanColumn& in = end.column();
+      ColumnRays& rays = end.rays();
+      rays.cells.add(end.quarter, m.area[n]);
+      if (!std::isnan(in.first)) rays.height += height_units(above(in, ray.length * ray.z));
     }
     return true;
   }

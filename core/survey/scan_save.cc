@@ -57,23 +57,24 @@ void take_cells(std::string_view& in, ScanCells& cells) {
   for (std::int64_t& area : cells.areas) take_amount(in, area);
 }
 
-void put_column(std::string& out, const ScanColumn& column) {
+void put_column(std::string& out, const ScanColumn& column, const ColumnRays& rays) {
   put(out, column.first, column.top, column.variance, column.prior);
   put_number(out, column.origin);
-  put(out, column.changed, column.pass, column.rays, column.height, column.blind);
-  put_cells(out, column.cells);
+  put(out, column.changed, column.pass, rays.met, rays.height, rays.blind);
+  put_cells(out, rays.cells);
 }
-void take_column(std::string_view& in, ScanColumn& column, std::uint64_t origins) {
+void take_column(std::string_view& in, ScanColumn& column, ColumnRays& rays,
+                 std::uint64_t origins) {
   take(in, column.first, column.top);  // NaN without ground
   column.variance = take_finite(in);
   column.prior = take_finite(in);
   if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_scans();
   column.origin = take_number<std::uint16_t>(in, origins);
   take(in, column.changed, column.pass);
-  take_amount(in, column.rays);
-  take(in, column.height);
-  take_amount(in, column.blind);
-  take_cells(in, column.cells);
+  take_amount(in, rays.met);
+  take(in, rays.height);
+  take_amount(in, rays.blind);
+  take_cells(in, rays.cells);
 }
 
 void put_votes(std::string& out, const ScanVotes& votes) {
@@ -142,7 +143,8 @@ Block take_block(std::string_view& in, std::uint64_t origins) {
 
 void put_tile(std::string& out, const ScanTile& tile) {
   put(out, tile.cell);
-  for (const ScanColumn& column : tile.columns) put_column(out, column);
+  for (std::size_t i = 0; i < tile.columns.size(); ++i)
+    put_column(out, tile.columns[i], tile.rays[i]);
   put_number(out, tile.sums.size());
   for (const auto& [sensor, of_sensor] : tile.sums) {
     put_number(out, static_cast<std::uint64_t>(sensor));
@@ -161,7 +163,8 @@ void take_tile(std::string_view& in, ScanState& s, std::uint64_t origins) {
   tile = {};
   tile.cell = cell;
   tile.parts = std::move(parts);
-  for (ScanColumn& column : tile.columns) take_column(in, column, origins);
+  for (std::size_t i = 0; i < tile.columns.size(); ++i)
+    take_column(in, tile.columns[i], tile.rays[i], origins);
   const std::size_t sensors = s.sensors.size();
   for (auto sums = take_number<std::uint64_t>(in, sensors + 1); sums > 0; --sums)
     for (ScanSums& of_column : tile.sums[take_number<int>(in, sensors)]) take_sums(in, of_column);

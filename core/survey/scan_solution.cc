@@ -538,11 +538,12 @@ class ScanState::SeenColumns {
         known[c.i] = true;
         if (c.residual.weight <= 0) continue;
         const double variance = c.residual.whole_variance(), about = weight[c.i];
-        const bool was_other = c.is_other;
-        tell(c, std::abs(residual[c.i] / about) > kPooledGate * std::sqrt(variance + 1 / about) ||
-                    std::abs(judged[n].off) >
-                        kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
-        any = any || was_other != c.is_other;
+        const bool is_other =
+            std::abs(residual[c.i] / about) > kPooledGate * std::sqrt(variance + 1 / about) ||
+            std::abs(judged[n].off) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight);
+        if (is_other == c.is_other) continue;  // as it was told
+        tell(c, is_other);
+        any = true;
       }
     }
     return any;

@@ -101,10 +101,13 @@ struct ScanColumn {
   std::uint16_t origin = kNatural;
   std::uint32_t changed = 0;  ///< when it last changed, other than by scans
   std::uint32_t pass = 0;     ///< corrections there were until then, plus 1; natural: 0
-  // Since scans were applied:
-  std::int64_t rays = 0;    ///< that met it as expected
+};
+
+/// Rays of a column since scans were applied. Apart from what corrections read, many times.
+struct ColumnRays {
+  std::int64_t met = 0;     ///< that met it as expected
   ScanCells cells;          ///< of those that ended in it as expected
-  std::int64_t height = 0;  ///< sum of the latter's heights above `first`
+  std::int64_t height = 0;  ///< sum of the latter's heights above the column's `first`
   std::int64_t blind = 0;   ///< others that ended in it as expected, but tell no height
 };
 
@@ -150,6 +153,7 @@ struct BlockSums {
 struct ScanTile {
   Coord2 cell = {0, 0};
   std::array<ScanColumn, BaseColumn::kCells> columns;
+  std::array<ColumnRays, BaseColumn::kCells> rays;
   std::array<Vec2, BaseColumn::kCells> slopes;  ///< of the ground, m/m
   std::array<float, BaseColumn::kCells> bends;  ///< difference of slopes over a column
   std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor

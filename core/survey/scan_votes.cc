@@ -43,8 +43,8 @@ Level level_at(const ScanVotes& votes, int first, int last) {
 
 /// Rays of a column: those that ended in it as expected, and all.
 struct RaysOf {
-  RaysOf(const ScanColumn& column, const ScanVotes& votes)
-      : expected(column.cells.rays + column.blind), others(votes.rays()) {}
+  RaysOf(const ColumnRays& rays, const ScanVotes& votes)
+      : expected(rays.cells.rays + rays.blind), others(votes.rays()) {}
 
   /// How many must agree on a height.
   double least() const {
@@ -70,7 +70,7 @@ int extent_of(const std::array<std::int64_t, 16>& areas) {
 /// so reach over few of these: they are left out.
 /// @param wall heights above the column's `first`, m, of rays that are of no new ground
 /// @param least how many must agree
-std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
+std::optional<Vote> vote(const ColumnRays& rays_of, const ScanVotes& votes,
                          const std::optional<Heights>& wall, double least) {
   std::map<int, std::int64_t> left;  // rays by bin
   for (const auto& [bin, hits] : votes.hits)
@@ -107,22 +107,22 @@ std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
     return wall && height.mean > wall->low - kScanBinM && height.mean < wall->high + kScanBinM;
   });
   if (heights.empty()) return {};
-  if (column.cells.rays > 0) {
+  if (rays_of.cells.rays > 0) {
     const double old =
-        kScanUnit_m * static_cast<double>(column.height) / static_cast<double>(column.cells.rays);
+        kScanUnit_m * static_cast<double>(rays_of.height) / static_cast<double>(rays_of.cells.rays);
     // Beside a needle rays end as expected that speak for the same height as the others.
     const auto same = std::find_if(heights.begin(), heights.end(), [&](const Height& height) {
       return std::abs(height.mean - old) < kScanBinM;
     });
     if (same == heights.end()) {
-      heights.push_back({old, 1, 0, column.cells.areas, column.cells.rays});
+      heights.push_back({old, 1, 0, rays_of.cells.areas, rays_of.cells.rays});
     } else {
-      for (std::size_t k = 0; k < same->areas.size(); ++k) same->areas[k] += column.cells.areas[k];
-      same->rays += column.cells.rays;
+      for (std::size_t k = 0; k < same->areas.size(); ++k) same->areas[k] += rays_of.cells.areas[k];
+      same->rays += rays_of.cells.rays;
     }
   }
   int widest = 0;
-  std::int64_t most_rays = RaysOf(column, votes).expected;
+  std::int64_t most_rays = RaysOf(rays_of, votes).expected;
   for (const Height& height : heights) {
     widest = std::max(widest, extent_of(height.areas));
     most_rays = std::max(most_rays, height.rays);
@@ -132,7 +132,7 @@ std::optional<Vote> vote(const ScanColumn& column, const ScanVotes& votes,
   });
   double sum = 0, squares = 0;
   int known = 0;
-  for (std::size_t k = 0; k < column.cells.areas.size(); ++k) {
+  for (std::size_t k = 0; k < rays_of.cells.areas.size(); ++k) {
     double area = 0, mean = 0;
     for (const Height& height : heights) {
       area += static_cast<double>(height.areas[k]);
@@ -258,9 +258,9 @@ namespace {
 std::optional<Vote> vote_of_few(const ScanState& state, const ScanTile& tile, std::size_t i,
                                 const ScanVotes& votes) {
   const ScanColumn& column = tile.columns[i];
-  const RaysOf of_column(column, votes);
+  const RaysOf of_column(tile.rays[i], votes);
   if (static_cast<double>(of_column.others) < of_column.most()) return {};
-  std::optional<Vote> few = vote(column, votes, state.wall_at(tile, i), of_column.most());
+  std::optional<Vote> few = vote(tile.rays[i], votes, state.wall_at(tile, i), of_column.most());
   if (!few) return {};
   std::int64_t about = state.rays_about(tile.place(i), state.first_m(column) + few->height);
   // Those that pass through what stood there say as well that it is gone.
@@ -284,12 +284,11 @@ void ScanState::take_votes() {
     const ScanTile& tile = marked(cell);
     for (const auto& [n, votes] : tile.votes) {
       const auto i = static_cast<std::size_t>(n);
-      const ScanColumn& column = tile.columns[i];
-      if (std::isnan(column.top)) continue;
-      const RaysOf of_column(column, votes);
+      if (std::isnan(tile.columns[i].top)) continue;
+      const RaysOf of_column(tile.rays[i], votes);
       std::optional<Vote>& decision = decisions.emplace_back();
       if (of_column.may_agree())
-        decision = vote(column, votes, wall_at(tile, i), of_column.least());
+        decision = vote(tile.rays[i], votes, wall_at(tile, i), of_column.least());
       if (!decision) decision = vote_of_few(*this, tile, i, votes);
     }
   }
@@ -300,6 +299,7 @@ void ScanState::take_votes() {
     for (auto& [n, votes] : tile->votes) {
       const auto i = static_cast<std::size_t>(n);
       ScanColumn& column = tile->columns[i];
+      const ColumnRays& of = tile->rays[i];
       if (std::isnan(column.top)) continue;
       std::optional<Vote> now = std::move(*decision++);
       const std::int64_t fresh = votes.rays() - votes.told;
@@ -309,12 +309,11 @@ void ScanState::take_votes() {
       // Rays that end in the column will tell its height better than those that pass above it.
       const bool waits =
           static_cast<double>(votes.rays()) >= kScanShare * static_cast<double>(votes.through);
-      if (!now && !waits && votes.through >= kScanVotes &&
-          votes.through > column.rays + column.blind)
+      if (!now && !waits && votes.through >= kScanVotes && votes.through > of.met + of.blind)
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {
         votes.told += fresh;
-        votes.others += std::max(column.rays, column.cells.rays + column.blind);
+        votes.others += std::max(of.met, of.cells.rays + of.blind);
         const std::int64_t all = votes.told + votes.through + votes.others;
         if (kScanShare * static_cast<double>(all) < kScanVotes)
           undecided.emplace(n, std::move(votes));
@@ -338,10 +337,7 @@ void ScanState::take_votes() {
     }
     tile->votes = std::move(undecided);
     // Of the rays that met the ground as expected only new ones count: it may have changed since.
-    for (ScanColumn& column : tile->columns) {
-      column.rays = column.height = column.blind = 0;
-      column.cells = {};
-    }
+    tile->rays.fill({});
   }
 }
 
