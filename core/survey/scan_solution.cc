@@ -279,6 +279,7 @@ class ScanState::SeenColumns {
     std::vector<Judged> judged;
     judged.reserve(columns_.size());
     for (const Column& c : columns_) judged.push_back({c.residual.weight, 0, c.block.origin});
+    for (std::size_t t = 0; t < own_tiles_; ++t) find_weights_about(tiles_[t], judged);
     for (int round = 0; round < kGateRounds; ++round) {
       const Eigen::VectorXd& mean = state_.errors.mean();
       for (std::size_t n = 0; n < columns_.size(); ++n) {
@@ -307,6 +308,7 @@ class ScanState::SeenColumns {
     Eigen::Index lip;  // as of lip_of()
     Block block;
     bool is_other = false;
+    double weight_about = 0;  // of it and those of its origin about it
 
     ScanColumn& column() const { return tile->columns[i]; }
     bool is_surveyed() const { return block.origin == kSurveyed; }
@@ -515,37 +517,53 @@ class ScanState::SeenColumns {
     return sums;
   }
 
-  /// Are columns that rays met other than errors explain, by themselves or with those about them?
-  /// @return whether that of some changed
-  bool judge(const OfTile& of, const std::vector<Judged>& judged) {
-    bool any = false;
+  /// Sums over the columns about each of a tile's, those of its origin, of what value(judged) is.
+  /// Calls f(column, number, sum) for those that scans did not correct.
+  template <typename Value, typename F>
+  void each_about(const OfTile& of, const std::vector<Judged>& judged, const Value& value,
+                  const F& f) {
     std::array<bool, BaseColumn::kCells> known = {};  // those of an origin that was looked at
     for (std::size_t first = of.first; first < of.last; ++first) {
       const std::uint16_t origin = columns_[first].block.origin;
       if (origin == kSurveyed || known[columns_[first].i]) continue;
-      std::array<double, kWindow*kWindow> weights = {}, residuals = {};
+      std::array<double, kWindow* kWindow> values = {};
       for (std::size_t k = 0; k < of.about.size(); ++k) {
         if (of.about[k] < 0) continue;
         const Judged& about = judged[static_cast<std::size_t>(of.about[k])];
-        if (about.origin != origin) continue;
-        weights[k] = about.weight;
-        residuals[k] = about.weight * about.off;
+        if (about.origin == origin) values[k] = value(about);
       }
-      const auto weight = sums_about(weights), residual = sums_about(residuals);
+      const auto sums = sums_about(values);
       for (std::size_t n = first; n < of.last; ++n) {
         Column& c = columns_[n];
         if (c.block.origin != origin) continue;
         known[c.i] = true;
-        if (c.residual.weight <= 0) continue;
-        const double variance = c.residual.whole_variance(), about = weight[c.i];
-        const bool is_other =
-            std::abs(residual[c.i] / about) > kPooledGate * std::sqrt(variance + 1 / about) ||
-            std::abs(judged[n].off) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight);
-        if (is_other == c.is_other) continue;  // as it was told
-        tell(c, is_other);
-        any = true;
+        f(c, n, sums[c.i]);
       }
     }
+  }
+
+  void find_weights_about(const OfTile& of, const std::vector<Judged>& judged) {
+    each_about(
+        of, judged, [](const Judged& about) { return about.weight; },
+        [](Column& c, std::size_t, double sum) { c.weight_about = sum; });
+  }
+
+  /// Are columns that rays met other than errors explain, by themselves or with those about them?
+  /// @return whether that of some changed
+  bool judge(const OfTile& of, const std::vector<Judged>& judged) {
+    bool any = false;
+    each_about(
+        of, judged, [](const Judged& about) { return about.weight * about.off; },
+        [&](Column& c, std::size_t n, double residual) {
+          if (c.residual.weight <= 0) return;
+          const double variance = c.residual.whole_variance(), about = c.weight_about;
+          const bool is_other =
+              std::abs(residual / about) > kPooledGate * std::sqrt(variance + 1 / about) ||
+              std::abs(judged[n].off) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight);
+          if (is_other == c.is_other) return;  // as it was told
+          tell(c, is_other);
+          any = true;
+        });
     return any;
   }
 

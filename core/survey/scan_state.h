@@ -185,7 +185,8 @@ struct ScanState : ScanRecord {
 
   // scan_votes.cc
   /// Rays that ended in a column and those beside it near a height, world, and not as expected.
-  std::int64_t rays_about(const Coord2& cell, double height_m) const;
+  /// @param enough they are counted until there are so many
+  std::int64_t rays_about(const Coord2& cell, double height_m, std::int64_t enough) const;
   /// Do enough rays end about where a ray does?
   bool is_met(const Vec3& end) const;
   void see_through();

@@ -161,7 +161,7 @@ std::optional<Vote> vote(const ColumnRays& rays_of, const ScanVotes& votes,
 
 }  // namespace
 
-std::int64_t ScanState::rays_about(const Coord2& cell, double height_m) const {
+std::int64_t ScanState::rays_about(const Coord2& cell, double height_m, std::int64_t enough) const {
   std::int64_t count = 0;
   std::optional<Coord2> last;
   auto tile = tiles.end();
@@ -179,6 +179,7 @@ std::int64_t ScanState::rays_about(const Coord2& cell, double height_m) const {
       const auto& hits = votes->second.hits;
       for (auto of = hits.lower_bound(bin - 1); of != hits.end() && of->first <= bin + 1; ++of)
         for (const auto& [sensor, some] : of->second) count += some.rays;
+      if (count >= enough) return count;
     }
   }
   return count;
@@ -186,7 +187,7 @@ std::int64_t ScanState::rays_about(const Coord2& cell, double height_m) const {
 
 bool ScanState::is_met(const Vec3& end) const {
   const Vec3 at = ground.index_from_world(end);
-  return rays_about({cell_of(at.x()), cell_of(at.y())}, end.z()) >= kScanVotes;
+  return rays_about({cell_of(at.x()), cell_of(at.y())}, end.z(), kScanVotes) >= kScanVotes;
 }
 
 /// Votes of columns whose soil lies above rays, short of their ends. Only where other rays end as
@@ -262,7 +263,8 @@ std::optional<Vote> vote_of_few(const ScanState& state, const ScanTile& tile, st
   if (static_cast<double>(of_column.others) < of_column.most()) return {};
   std::optional<Vote> few = vote(tile.rays[i], votes, state.wall_at(tile, i), of_column.most());
   if (!few) return {};
-  std::int64_t about = state.rays_about(tile.place(i), state.first_m(column) + few->height);
+  std::int64_t about =
+      state.rays_about(tile.place(i), state.first_m(column) + few->height, kScanVotesAbout);
   // Those that pass through what stood there say as well that it is gone.
   if (few->height < state.voxel_m() * (column.top - column.first)) about += votes.through;
   if (about < kScanVotesAbout) return {};
@@ -302,13 +304,13 @@ void ScanState::take_votes() {
       const ColumnRays& of = tile->rays[i];
       if (std::isnan(column.top)) continue;
       std::optional<Vote> now = std::move(*decision++);
-      const std::int64_t fresh = votes.rays() - votes.told;
+      const std::int64_t hits = votes.rays(), fresh = hits - votes.told;
       const std::int64_t added = now ? std::min(now->rays, fresh) : 0;
       rays.added += added;
       rays.dropped += fresh - added;
       // Rays that end in the column will tell its height better than those that pass above it.
       const bool waits =
-          static_cast<double>(votes.rays()) >= kScanShare * static_cast<double>(votes.through);
+          static_cast<double>(hits) >= kScanShare * static_cast<double>(votes.through);
       if (!now && !waits && votes.through >= kScanVotes && votes.through > of.met + of.blind)
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {

@@ -11,6 +11,9 @@
 #include <cmath>
 #include <map>
 #include <random>
+#include <set>
+#include <tuple>
+#include <utility>
 
 #include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
@@ -227,6 +230,54 @@ TEST(ColumnSamples, AreTheSameInAnyOrderAndOnAnyNumberOfThreads) {
         std::shuffle(fewer.begin(), fewer.end(), random);
       }
     }
+  }
+}
+
+TEST(ColumnSamples, ChangeInOnePassAsInOneForColumnsThatFallAndOneForThoseThatRise) {
+  std::mt19937_64 random(5);
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    const bool loose = seed % 2 == 0;
+    RoughGround rough(seed), other(seed);
+    std::vector<ColumnEdit> changes = random_changes(random, 400), falling, rising;
+    for (ColumnEdit& change : changes) {
+      if (change.cone) change = {change.cell, change.low, change.high, change.samples};
+      change.rises = random() % 2 == 0;
+      (change.rises ? rising : falling).push_back(change);
+    }
+    std::map<std::pair<int, int>, std::pair<int, int>> counts;  // bank and loose, by column
+    std::set<std::tuple<int, int, int>> chunks;
+    const ChangedSamples changed = change_samples(
+        rough.ground, changes, loose, [&](const Coord3& chunk, const ColumnCounts& of_chunk) {
+          EXPECT_TRUE(chunks.emplace(chunk.x(), chunk.y(), chunk.z()).second);
+          for (int c = 0; c < kChunkSide * kChunkSide; ++c) {
+            auto& [bank, moved] = counts[{chunk.x() + c / kChunkSide, chunk.y() + c % kChunkSide}];
+            bank += of_chunk.bank[static_cast<std::size_t>(c)];
+            moved += of_chunk.loose[static_cast<std::size_t>(c)];
+          }
+        });
+    const Taken taken = remove_top(other.ground, falling, 0);
+    const std::int64_t added = add_samples(other.ground, rising, 0);
+    EXPECT_EQ(changed.taken.bank, taken.bank);
+    EXPECT_EQ(changed.taken.loose, taken.loose);
+    EXPECT_EQ(changed.added, added);
+    EXPECT_GT(std::min({taken.bank, taken.loose, added}), 1000);
+    const Sets after = sets_of(rough.ground, false), moved = sets_of(rough.ground, true);
+    EXPECT_EQ(after, sets_of(other.ground, false));
+    if (loose) {
+      EXPECT_EQ(rough.ground.state_hash(), other.ground.state_hash());
+    }
+    std::map<std::pair<int, int>, std::pair<int, int>> expected;
+    for (const auto& [origin, words] : after) {
+      for (std::size_t n = 0; n < words.size(); ++n) {
+        const Coord3 cell = origin + numbered_voxel(static_cast<int>(n));
+        auto& [bank, of_moved] = expected[{cell.x(), cell.y()}];
+        const int more_loose =
+            std::popcount(moved.at(origin)[n]) - std::popcount(rough.loose_before.at(origin)[n]);
+        of_moved += more_loose;
+        bank += std::popcount(words[n]) - std::popcount(rough.before.at(origin)[n]) - more_loose;
+      }
+    }
+    for (const auto& [column, count] : expected) EXPECT_EQ(counts[column], count);
   }
 }
 
