@@ -52,7 +52,7 @@ class SampleStack {
     int low = changes_.front().low, high = changes_.front().high;
     for (const ColumnEdit& c : changes_) {
       low = std::min(low, c.low);
-      high = std::max(high, c.high);
+      high = std::max({high, c.low, c.high});
     }
     const Coord2& cell = changes_.front().cell;
     first_ = floor_to(Coord3(cell.x(), cell.y(), low), kChunkSide);
@@ -115,7 +115,7 @@ class SampleStack {
   /// before any that could be left, then one by one.
   /// @return their number
   SOILVDB_FOR_CPUS std::int64_t choose(const ColumnEdit& c, float slope) {
-    if (c.samples <= 0) return 0;
+    if (c.samples <= 0 || c.low > c.high) return 0;
     const int step = c.rises ? 1 : -1;
     const int from = c.rises ? c.low : c.high, to = c.rises ? c.high : c.low;
     std::int64_t sum = 0;

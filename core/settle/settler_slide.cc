@@ -265,12 +265,14 @@ bool Settler::apply_slide(double zero) {
           std::clamp(minmod(rises_to(next), -rises_to(last)), -slope_, slope_));
     };
     const bool falls = rise < 0;
+    // A solver that has not come to rest may have given more than there is.
+    const double highest = std::max(now + zero, column.top + rise);
     const std::int64_t samples = falls ? lost.next(-rise) : 0;
     if (falls && samples == 0) continue;
     (falls ? lowered : raised)
         .push_back({.cell = cell,
                     .low = (falls ? column.bank_full : column.full) + 1,
-                    .high = falls ? cell_of(column.surface) : cell_of(now + zero) + kFillCells,
+                    .high = cell_of(falls ? column.surface : highest) + (falls ? 0 : kFillCells),
                     .samples = samples,
                     .a = slope(1, 0),
                     .b = slope(0, 1)});

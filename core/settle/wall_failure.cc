@@ -55,13 +55,13 @@ class Slice {
   }
 
   /// Of a slice at whose toe a cut has its foot.
-  /// @param most columns that a plane may go through
+  /// @param most columns that a plane may go through, and sides that it may rise
   /// @param at_border set if the ground ends before it is known
   std::optional<FailurePlane> weakest(int most, bool& at_border) {
     read(most, at_border);
     if (highest_ <= strength_.least_height()) return std::nullopt;
     find_foot();
-    return weakest_plane();
+    return weakest_plane(most);
   }
 
  private:
@@ -136,7 +136,7 @@ class Slice {
     foot_ = std::clamp(mean - std::sqrt(3 * spread), 0.0, kMaxFootOffset);
   }
 
-  std::optional<FailurePlane> weakest_plane() const {
+  std::optional<FailurePlane> weakest_plane(int highest) const {
     std::optional<FailurePlane> weakest;
     // Else what is left of a wedge would fail, and so on, until it is as flat as friction holds.
     const bool cohesionless = strength_.least_height() < kMinCutHeight;
@@ -152,7 +152,7 @@ class Slice {
       if (least >= steepest) continue;  // it doesn't come out here
       const auto look = [&](double slope) {
         const double wedge = weight - slope / 2 * way * way;
-        if (wedge < kMinWedge) return;
+        if (wedge < kMinWedge || slope * way > highest) return;
         const double needed = wedge * (slope - strength_.friction) / ((1 + slope * slope) * way);
         if (cohesionless ? weakest && slope >= weakest->slope : needed <= most) return;
         most = needed;
@@ -221,7 +221,7 @@ void turn_towards(const std::optional<int>& face, const std::optional<int>& besi
 struct Foot {
   Coord2 at = Coord2::Zero();
   Directions across = {};
-  int most = 0;  ///< columns that a plane may go through
+  int most = 0;  ///< columns that a plane may go through, and sides that it may rise
   std::vector<std::pair<std::size_t, FailurePlane>> planes;  ///< by number of the direction
   bool fails = false, at_border = false;
 
@@ -253,7 +253,12 @@ class Gaps {
       if (!fails(a) && !fails(b)) continue;
       const double share = static_cast<double>(ahead) / (ahead + behind);
       const WallFailure::Column &from = of(a), &to = of(b);
-      const double height = from.height + share * (to.height - from.height);
+      double height = from.height + share * (to.height - from.height);
+      // Not to the foot of a cliff beside it, but along the plane of the side that fails.
+      if (to.height < failure_.lowest)
+        height = std::max(height, from.height - ahead * rise(from, step));
+      if (from.height < failure_.lowest)
+        height = std::max(height, to.height + behind * rise(to, step));
       if (!highest || height > highest->height)
         highest = {height, from.slope + share * (to.slope - from.slope)};
     }
@@ -266,6 +271,9 @@ class Gaps {
     return failure_.columns[static_cast<std::size_t>(c)];
   }
   bool fails(int c) const { return of(c).height < ground_.firm_at(c); }
+  static double rise(const WallFailure::Column& column, const Coord2& step) {
+    return column.slope.dot(step.cast<double>());
+  }
   bool is_low(int c) const { return fails(c) || ground_.at(c) - ground_.firm_at(c) > kFilmDepth; }
   /// So many steps; 0: none is near.
   int nearest_low(const Coord2& from, const Coord2& step) const {
@@ -315,6 +323,7 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
         failure.columns.push_back({ground.firm_at(static_cast<int>(c))});
     }
     const double zero = ground.at(ground.index(x, y));
+    failure.lowest = std::min(failure.lowest, ground.firm_at(ground.index(x, y)));
     const int far = static_cast<int>(plane.end) + 1;
     // Of the foot's column as seen along the slice: those of a cut that runs askew leave no gaps.
     const double half_width = (std::abs(direction.x()) + std::abs(direction.y())) / 2;

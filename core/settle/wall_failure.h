@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "core/settle/columns.h"
@@ -29,7 +30,8 @@ struct WallFailure {
   };
   std::vector<Column> columns;
   Eigen::AlignedBox2i failed;  ///< columns of which soil fails; empty: all stands
-  bool at_border = false;      ///< a plane may continue beyond the ground, which is too small
+  double lowest = std::numeric_limits<double>::infinity();  ///< bank at a foot of what fails
+  bool at_border = false;  ///< a plane may continue beyond the ground, which is too small
 };
 
 /// Finds the planes along which soil slides off behind feet of cuts: those through a foot that need
@@ -41,9 +43,9 @@ struct WallFailure {
 ///
 /// Accuracy: a straight cut fails within one side of its critical height. Its crest is within two
 /// sides of its plane's upper end if it is some 20 sides high. Caveats: each slice stands or falls
-/// alone, so narrow pits fail like long trenches. Planes much longer than the depth dug at their
-/// foot are not tested: a slope that stood before a small cut stands after. No water, no cracks, no
-/// curved surfaces.
+/// alone, so narrow pits fail like long trenches. Planes much longer or higher than the depth dug
+/// at their foot are not tested: a slope that stood before a small cut stands after. No water, no
+/// cracks, no curved surfaces.
 ///
 /// @param ground heights in sides; rigid columns stand, and nothing fails through them
 /// @param feet columns of the ground in which to look for feet of cuts

@@ -281,6 +281,17 @@ TEST(ColumnSamples, ChangeInOnePassAsInOneForColumnsThatFallAndOneForThoseThatRi
   }
 }
 
+TEST(ColumnSamples, OfNoCellsStay) {
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  // The highest cell that may change is below the lowest, by some chunks.
+  EXPECT_EQ(
+      add_samples(ground, {{{.cell = {1, 2}, .low = 5, .high = -40, .samples = 100}}}, kSlope), 0);
+  EXPECT_EQ(
+      remove_loose(ground, {{{.cell = {1, 2}, .low = 5, .high = -40, .samples = 100}}}, kSlope),
+      std::vector<std::int64_t>{0});
+  EXPECT_TRUE(ground.chunks().empty());
+}
+
 TEST(ColumnSamples, StayWithoutChanges) {
   RoughGround rough(1);
   const std::uint64_t hash = rough.ground.state_hash();

@@ -253,6 +253,43 @@ TEST(EarthmovingAttack, ASteepSlopeStandsUntilItsFootIsDug) {
   EXPECT_GT(changed_samples(site.ground, slope), 1000);
 }
 
+/// A bench before a bank, whose sides and front are cliffs 12 m high, as is the bank beside it.
+double bench_on_a_cliff(double x, double y) {
+  return x > 3.001 || (x > 0.001 && std::abs(y) > 3.001) ? -12.0 : 0.0;
+}
+
+TEST(EarthmovingAttack, AFaceThatFailsBesideACliffLeavesTheCliffStanding) {
+  constexpr double kDeep = 1.5, kCritical = 1.47, kWedge_m3 = 3.5;
+  static_assert(kDeep > kCritical);
+  Earthmoving soft = cohesive(3000);
+  soft.soil->friction_rad = 35 * kDegree;
+  soft.soil->density_kg_m3 = 1600;
+  // Where the columns' sides are decides which of them the cliff's edge goes through.
+  for (const double shift : {0.0, 0.01, 0.02, 0.05}) {
+    SCOPED_TRACE(shift);
+    Site site(raster({401, 401, {-10, -10}, {0.05, 0.05}}, bench_on_a_cliff),
+              {Bucket{3.0, 2.5, {}, {}}}, soft, Vec3(0.05 + shift, 0.05 + shift, 0.05));
+    const GroundWindow before(site.ground, {-96, -96}, 94, 192);
+    for (const Vec3& to :
+         {Vec3(1.5, -5, 1), Vec3(1.5, -5, -kDeep), Vec3(1.5, 5, -kDeep), Vec3(1.5, 5, 1)})
+      site.tracker.update(0, {to, from_rpy(0, 0, std::numbers::pi / 2)});
+    site.tracker.come_to_rest();
+    EXPECT_EQ(residual(site.tracker), 0);
+    const GroundWindow after(site.ground, {-96, -96}, 94, 192);
+    double fell = 0, lowest = 0;
+    for (int x = 0; x < after.nx(); ++x) {
+      for (int y = 0; y < after.ny(); ++y) {
+        fell += before.at(x, y).bank - after.at(x, y).bank;
+        lowest = std::min(lowest, after.at(x, y).bank);
+      }
+    }
+    fell *= kVoxel * kVoxel * kVoxel;
+    EXPECT_GT(fell, 0.5 * kWedge_m3);
+    EXPECT_LT(fell, 1.2 * kWedge_m3);
+    EXPECT_GE(kVoxel * lowest, -kDeep - kVoxel) << "below the foot of what failed";
+  }
+}
+
 TEST(EarthmovingAttack, NothingFailsThroughTheTerrainsEdge) {
   // A wedge would be 1.5 m wide, but the ground ends 0.8 m behind the wall; steeper ones hold.
   Site site(raster({41, 41, {-3.2, -10}, {0.5, 0.5}}, flat), {Bucket{12.0, 8.0, {}, {}}},
