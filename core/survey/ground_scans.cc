@@ -153,6 +153,17 @@ void ScanState::read(ScanTile& tile, How how) {
     tile.slopes[i] = {(side(1, 0) - side(-1, 0)) / 2, (side(0, 1) - side(0, -1)) / 2};
     tile.bends[i] = static_cast<float>(std::max(std::abs(side(1, 0) - 2 * top + side(-1, 0)),
                                                 std::abs(side(0, 1) - 2 * top + side(0, -1))));
+    tile.lip_shares[i] = 1;
+    if (is_wall(tile, i)) {
+      double low = top, high = top;
+      for (int dx = -1; dx <= 1; ++dx) {
+        for (int dy = -1; dy <= 1; ++dy) {
+          low = std::min(low, side(dx, dy));
+          high = std::max(high, side(dx, dy));
+        }
+      }
+      tile.lip_shares[i] = static_cast<float>((high - top) / (high - low));
+    }
     ScanColumn& column = tile.columns[i];
     const bool is_new = column.variance < 0;
     if (!is_new && (top == column.top || (std::isnan(top) && std::isnan(column.top)))) continue;
@@ -463,7 +474,7 @@ double GroundScans::volume_sigma_m3(const std::vector<Vec2>& boundary) {
       const Block block = s.block_of(tile, n);
       const BlockError error = s.error_of(block);
       const ColumnResidual residual = s.residual_of(tile, n, sees);
-      s.correct(column, residual, error, sees, correction);
+      s.correct(tile, n, residual, error, sees, correction);
       s.add_volume(parts_of.try_emplace(block, s.error_count()).first->second, tile, n, residual,
                    error, correction, square(s.voxel_m()) * share, false);
     }

@@ -161,18 +161,20 @@ BlockError ScanState::error_of(const Block& block) const {
   return (known == blocks.end() ? BlockResidual{} : known->second.known).error(error_count());
 }
 
-void ScanState::correct(const ScanColumn& column, ColumnResidual residual, const BlockError& block,
-                        const Eigen::Ref<const Eigen::VectorXd>& sees,
+void ScanState::correct(const ScanTile& tile, std::size_t i, ColumnResidual residual,
+                        const BlockError& block, const Eigen::Ref<const Eigen::VectorXd>& sees,
                         CommonErrors::Correction& to) const {
+  const ScanColumn& column = tile.columns[i];
+  const Eigen::Index lip = lip_of(column);
+  const double share = lip >= 0 ? tile.lip_shares[i] : 0.0;
   if (is_other(column)) {
     residual.variance = column.prior;
     residual.alike = 0;
+  } else if (lip >= 0) {
+    residual.alike *= share;
   }
-  const Eigen::Index lip = lip_of(column);
-  errors.correct(
-      residual, block, sees,
-      (lip >= 0 ? 1.0 : 0.0) * Eigen::VectorXd::Unit(sees.size(), std::max<Eigen::Index>(lip, 0)),
-      to);
+  errors.correct(residual, block, sees,
+                 share * Eigen::VectorXd::Unit(sees.size(), std::max<Eigen::Index>(lip, 0)), to);
 }
 
 double ScanState::height_variance(const ScanTile& tile, std::size_t i) const {
@@ -181,7 +183,7 @@ double ScanState::height_variance(const ScanTile& tile, std::size_t i) const {
   const ColumnResidual residual = residual_of(tile, i, sees);
   CommonErrors::Correction correction;
   const BlockError block = error_of(block_of(tile, i));
-  correct(column, residual, block, sees, correction);
+  correct(tile, i, residual, block, sees, correction);
   const double off = voxel_m() * (column.first - column.top) + correction.mean;
   return errors.variance(correction, block) + off * off;
 }
@@ -369,7 +371,7 @@ class ScanState::SeenColumns {
           error = &error_of(c.block);
         }
         BlockSums& part = at->second;
-        state_.correct(c.column(), c.residual, *error, sees(n), correction_);
+        state_.correct(*c.tile, c.i, c.residual, *error, sees(n), correction_);
         part.on += correction_.on;
         part.alike += correction_.alike;
         const bool is_corrected = made != nullptr && make(c, *error, *made);
@@ -387,10 +389,14 @@ class ScanState::SeenColumns {
     const double off = h * (column.first - column.top) + correction_.mean;
     if (!(std::abs(off) >= kLeastCorrection * h) || !std::isfinite(off)) return false;
     double sigmas = column.origin == kNatural && !is_other(column) ? kNaturalSigmas : kMovedSigmas;
-    if (c.is_surveyed() && c.residual.weight <= 0)
-      sigmas = 0;  // the soil that rays passed through is surely gone
-    if (std::abs(off) < sigmas * std::sqrt(state_.errors.variance(correction_, block)))
-      return false;
+    double variance = state_.errors.variance(correction_, block);
+    if (c.residual.weight <= 0) {
+      // The soil that rays passed through is surely gone. Elsewhere the lip alone is known better:
+      // what else a column errs by is the same before and after.
+      if (c.is_surveyed()) sigmas = 0;
+      if (c.lip >= 0) variance -= correction_.own;
+    }
+    if (std::abs(off) < sigmas * std::sqrt(variance)) return false;
     made.push_back({c.tile->place(c.i), column.top, std::llround(off / h * kSamplesOfCell),
                     c.tile->slopes[c.i]});
     return true;
@@ -449,9 +455,10 @@ class ScanState::SeenColumns {
     }
     // A lidar's rings leave columns between them, whose errors are alike.
     for (const std::size_t i : unseen) {
-      const bool is_wall = tile.slopes[i].squaredNorm() >= square(kScanWallSlope);
+      const bool is_no_ones_wall = is_wall(tile, i) && state_.lip_of(tile.columns[i]) < 0;
       const Block block = state_.block_of(tile, i);
-      const bool is_between = !is_wall && std::find(seen.begin(), seen.end(), block) != seen.end();
+      const bool is_between =
+          !is_no_ones_wall && std::find(seen.begin(), seen.end(), block) != seen.end();
       if (is_between || is_contested(tile, i)) add_column(i, next(i), block);
     }
     of.last = columns_.size();

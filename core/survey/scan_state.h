@@ -225,9 +225,14 @@ struct ScanState : ScanRecord {
   static Eigen::VectorXd widened(const Eigen::VectorXd& values, Eigen::Index at,
                                  Eigen::Index count);
   void widen_errors(Eigen::Index at, Eigen::Index count);
+  /// Is a column of a wall, whose height rays do not tell?
+  static bool is_wall(const ScanTile& tile, std::size_t i) {
+    return tile.slopes[i].squaredNorm() >= square(kScanWallSlope);
+  }
   /// A column's correction by what it and the errors that it shares are known to be.
-  void correct(const ScanColumn& column, ColumnResidual residual, const BlockError& block,
-               const Eigen::Ref<const Eigen::VectorXd>& sees, CommonErrors::Correction& to) const;
+  void correct(const ScanTile& tile, std::size_t i, ColumnResidual residual,
+               const BlockError& block, const Eigen::Ref<const Eigen::VectorXd>& sees,
+               CommonErrors::Correction& to) const;
   BlockError error_of(const Block& block) const;
   /// Variance of a column's height, m^2.
   double height_variance(const ScanTile& tile, std::size_t i) const;

@@ -156,6 +156,8 @@ struct ScanTile {
   std::array<ColumnRays, BaseColumn::kCells> rays;
   std::array<Vec2, BaseColumn::kCells> slopes;  ///< of the ground, m/m
   std::array<float, BaseColumn::kCells> bends;  ///< difference of slopes over a column
+  /// Of the error of the lip that dug it, what its height has: a wall's upper end stays.
+  std::array<float, BaseColumn::kCells> lip_shares;
   std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor
   std::map<int, ScanVotes> votes;                                ///< by number of the column
   std::map<Block, BlockSums> parts;                              ///< of blocks, as last solved

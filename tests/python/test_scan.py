@@ -1010,6 +1010,21 @@ def test_depths_in_millimetres_are_told():
         site.scan(soilvdb.Sensor(), depth=np.full((4, 4), 1500, np.uint16), intrinsics=(4, 4, 2, 2))
 
 
+def test_a_floor_beside_its_walls_errs_with_the_lip_as_well():
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 1.3)])
+    site.update_path(0, positions=[(x, 0, -0.8) for x in np.linspace(-1, 3, 41)])
+    site.place(0, position=(-8, -8, 4))
+    walls = [(1.0, y) for y in (-0.6, -0.55, 0.55, 0.6)]   # half dug, and dug
+    heights, sigmas = site.heights(walls, sigma=True)
+    assert heights == pytest.approx([-0.4, -0.8, -0.8, -0.4], abs=0.005)
+    lip = floor_told(site, -0.84, range(6)).lip_error[0][0]
+    assert lip > 0.02
+    after, after_sigmas = site.heights(walls, sigma=True)
+    assert after - heights == pytest.approx([-lip / 2, -lip, -lip, -lip / 2], abs=0.004)
+    assert np.all(after_sigmas[[0, 3]] < sigmas[[0, 3]])
+    assert site.heights([(1.0, -0.65), (1.0, 0.65)]) == pytest.approx(0.0, abs=1e-6)   # the rim
+
+
 def test_what_was_seen_stays_however_steep():
     site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)], soil=LOAM)
     for seed in range(2):
