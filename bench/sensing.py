@@ -147,6 +147,13 @@ def draw(task):
                 out[f"{kind}_{which}_nees"] = float(np.nansum(share))
                 out[f"{kind}_{which}_claims"] = int(np.isfinite(share).sum())
     out["seen_m3"] = area * float((after - truth)[hit].sum())
+    # Of the trench as a whole a part is hidden, and nothing is left out.
+    whole = kinds["trench"]
+    out["whole_before_m3"], out["whole_m3"] = (area * float((z - truth)[whole].sum())
+                                               for z in (before, after))
+    s, t = scene.half + 0.1, 1.0   # as kinds_of() has it
+    corners = np.transpose(scene.place(*np.array([(-s, -t), (s, -t), (s, t), (-s, t)]).T))
+    out["whole_sigma_m3"] = fused.volume(corners, sigma=True).sigma_m3
     if hard:
         for which, noise in (("plain", {"flying": False, "dust": False}),
                              ("hard", {"mirrored": True, "body": True})):
@@ -346,6 +353,10 @@ def rows_of(draws, name):
             (f"{name}: volume of all columns that were seen, error", root(d, "seen_m3"), "m3", ""),
             (f"{name}: sigma as claimed over it",
              root(d, "volume_sigma") / max(root(d, "seen_m3"), 1e-12), "", ""),
+            (f"{name}: volume of the trench with its hidden part, after over before",
+             root(d, "whole_m3") / root(d, "whole_before_m3"), "", ""),
+            (f"{name}: the same, sigma as claimed over its error",
+             root(d, "whole_sigma_m3") / max(root(d, "whole_m3"), 1e-12), "", "0.8 .. 1.3"),
             (f"{name}: volume, bucket in view, dust, mirrored, over none of these",
              root(hard, "hard_m3") / max(root(hard, "plain_m3"), 1e-12), "", "<= 1.3")]
     for which, label in (("kalman", "Kalman per cell"), ("mean", "mean per cell")):
