@@ -131,6 +131,7 @@ class Settler {
   void apply_deposit(const Deposit& deposit, std::int64_t samples);
   Eigen::AlignedBox3i cells_of(const Eigen::AlignedBox3d& box_m) const;
   bool fail_banks(Eigen::AlignedBox2i& changed);
+  double height_before(const Coord2& cell);
   std::optional<bool> fail_bank(Eigen::AlignedBox2i& feet, bool last);
   void loosen(Loosening& loosening);
   bool fall(const TileSet& tiles, BlockedColumns& blocked);

@@ -85,6 +85,20 @@ bool Settler::fail_banks(Eigen::AlignedBox2i& changed) {
   }
 }
 
+/// Height of a column of cells before anything was dug. Of one that a cliff's edge goes through
+/// that at the cliff's foot: what is cut off the edge is no depth that was dug there.
+double Settler::height_before(const Coord2& cell) {
+  const double here = columns_.base().height(cell);
+  double before = here;
+  for (int x = -1; x <= 1; ++x) {
+    for (int y = -1; y <= 1; ++y) {
+      const double beside = columns_.base().height(cell + Coord2(x, y));
+      if (here - beside > kMaxPartialCells) before = std::min(before, beside);
+    }
+  }
+  return before;
+}
+
 /// Makes bank loose in window_ that stands too high for its cohesion. @param feet columns of cells
 /// at which something changed; grows by what fails
 /// @return whether some failed; nothing if the window is too small to know
@@ -98,7 +112,7 @@ std::optional<bool> Settler::fail_bank(Eigen::AlignedBox2i& feet, bool last) {
         const GroundColumn& c = columns_.column(cell);
         // Where a column is partly of one height and partly of another its mean is no ground.
         if (c.bank - c.bank_full > kMaxPartialCells) return 0.0;
-        const double depth = columns_.base().height(cell) - c.bank;
+        const double depth = height_before(cell) - c.bank;
         return depth > kMinDugDepth ? depth : 0;
       });
   if (failure.at_border && !last) return std::nullopt;

@@ -253,40 +253,71 @@ TEST(EarthmovingAttack, ASteepSlopeStandsUntilItsFootIsDug) {
   EXPECT_GT(changed_samples(site.ground, slope), 1000);
 }
 
-/// A bench before a bank, whose sides and front are cliffs 12 m high, as is the bank beside it.
-double bench_on_a_cliff(double x, double y) {
-  return x > 3.001 || (x > 0.001 && std::abs(y) > 3.001) ? -12.0 : 0.0;
+/// A bench in front of a bank. Its sides and its front are cliffs, as the bank's front is.
+struct Bench {
+  double deep_m, half_m, long_m, yaw_rad;
+  Vec2 of_world(const Vec2& at) const { return Eigen::Rotation2Dd(-yaw_rad) * at; }
+  Vec2 to_world(const Vec2& at) const { return Eigen::Rotation2Dd(yaw_rad) * at; }
+} bench;
+
+double bench_height(double x, double y) {
+  const Vec2 at = bench.of_world({x, y});
+  const bool below =
+      at.x() > bench.long_m + 1e-6 || (at.x() > 1e-6 && std::abs(at.y()) > bench.half_m + 1e-6);
+  return below ? -bench.deep_m : 0.0;
 }
 
 TEST(EarthmovingAttack, AFaceThatFailsBesideACliffLeavesTheCliffStanding) {
-  constexpr double kDeep = 1.5, kCritical = 1.47, kWedge_m3 = 3.5;
-  static_assert(kDeep > kCritical);
-  Earthmoving soft = cohesive(3000);
-  soft.soil->friction_rad = 35 * kDegree;
-  soft.soil->density_kg_m3 = 1600;
-  // Where the columns' sides are decides which of them the cliff's edge goes through.
-  for (const double shift : {0.0, 0.01, 0.02, 0.05}) {
-    SCOPED_TRACE(shift);
-    Site site(raster({401, 401, {-10, -10}, {0.05, 0.05}}, bench_on_a_cliff),
-              {Bucket{3.0, 2.5, {}, {}}}, soft, Vec3(0.05 + shift, 0.05 + shift, 0.05));
-    const GroundWindow before(site.ground, {-96, -96}, 94, 192);
-    for (const Vec3& to :
-         {Vec3(1.5, -5, 1), Vec3(1.5, -5, -kDeep), Vec3(1.5, 5, -kDeep), Vec3(1.5, 5, 1)})
-      site.tracker.update(0, {to, from_rpy(0, 0, std::numbers::pi / 2)});
-    site.tracker.come_to_rest();
-    EXPECT_EQ(residual(site.tracker), 0);
-    const GroundWindow after(site.ground, {-96, -96}, 94, 192);
-    double fell = 0, lowest = 0;
+  constexpr double kSide = 0.1;
+  for (const unsigned seed : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 36}) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const auto any = [&](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    const double friction_rad = any(10, 38) * kDegree, density = any(1400, 2000);
+    const double critical_m = any(1, 2.5);
+    bench.deep_m = any(3, 12);
+    bench.half_m = any(1, 3.5);
+    bench.long_m = any(1.5, 3);
+    bench.yaw_rad = seed % 2 == 0 ? any(-3.1, 3.1) : 0;
+    const Vec3 shift(any(0, kSide), any(0, kSide),
+                     0);  // of the voxels' sides and the cliffs' edges
+    const double cut_m = kSide * (std::ceil(critical_m / kSide) + seed % 3);
+    Earthmoving soft = cohesive(critical_m * density * 9.80665 / 4 / std::cos(friction_rad) *
+                                (1 - std::sin(friction_rad)));
+    soft.soil->friction_rad = friction_rad;
+    soft.soil->density_kg_m3 = density;
+    Ground ground(kSide, Vec3::Constant(kSide / 2) + shift,
+                  raster({481, 481, {-12, -12}, {0.05, 0.05}}, bench_height));
+    Tracker tracker(ground, {Bucket{bench.long_m, 4.0, {}, {}}}, soft);
+    const GroundWindow before(ground, {-112, -112}, 224, 224);
+    const double end_m = bench.half_m + 2;
+    for (const auto& [y, z] :
+         {std::pair(-end_m, 4.0), {-end_m, -cut_m}, {end_m, -cut_m}, {end_m, 4.0}}) {
+      const Vec2 at = bench.to_world({bench.long_m / 2, y});
+      tracker.update(0,
+                     {{at.x(), at.y(), z}, from_rpy(0, 0, bench.yaw_rad + std::numbers::pi / 2)});
+    }
+    tracker.come_to_rest();
+    EXPECT_EQ(residual(tracker), 0);
+    const GroundWindow after(ground, {-112, -112}, 224, 224);
+    double fell = 0;
     for (int x = 0; x < after.nx(); ++x) {
       for (int y = 0; y < after.ny(); ++y) {
-        fell += before.at(x, y).bank - after.at(x, y).bank;
-        lowest = std::min(lowest, after.at(x, y).bank);
+        const Vec3 at =
+            ground.world_from_index(Vec3(after.first().x() + x, after.first().y() + y, 0));
+        const Vec2 in = bench.of_world(at.head<2>());
+        const bool dug = in.x() > -0.15 && in.x() < bench.long_m + 0.15 &&
+                         std::abs(in.y()) < bench.half_m + 0.15;
+        if (after.at(x, y).known && !dug)
+          fell += std::max(0.0, before.at(x, y).bank - after.at(x, y).bank);
       }
     }
-    fell *= kVoxel * kVoxel * kVoxel;
-    EXPECT_GT(fell, 0.5 * kWedge_m3);
-    EXPECT_LT(fell, 1.2 * kWedge_m3);
-    EXPECT_GE(kVoxel * lowest, -kDeep - kVoxel) << "below the foot of what failed";
+    const double wedge_m3 =
+        cut_m * cut_m * bench.half_m / std::tan((std::numbers::pi / 2 + friction_rad) / 2);
+    EXPECT_GT(fell * kSide * kSide * kSide, 0.4 * wedge_m3);
+    EXPECT_LT(fell * kSide * kSide * kSide, 1.6 * wedge_m3);
   }
 }
 
