@@ -292,6 +292,13 @@ TEST(ColumnSamples, OfNoCellsStay) {
   EXPECT_TRUE(ground.chunks().empty());
 }
 
+TEST(ColumnSamples, OfOneCellAreAddedAndRemoved) {
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  const std::vector<ColumnEdit> one{{.cell = {1, 2}, .low = 5, .high = 5, .samples = 40}};
+  EXPECT_EQ(add_samples(ground, one, kSlope), 40);
+  EXPECT_EQ(remove_loose(ground, one, kSlope), std::vector<std::int64_t>{40});
+}
+
 TEST(ColumnSamples, StayWithoutChanges) {
   RoughGround rough(1);
   const std::uint64_t hash = rough.ground.state_hash();
