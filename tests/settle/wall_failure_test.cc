@@ -10,6 +10,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/constants.h"
 #include "core/ground/ground_columns.h"
 #include "core/settle/column_samples.h"
 #include "core/settle/overhangs.h"
@@ -222,6 +223,22 @@ TEST(WallFailure, NeverGoesThroughWhatIsRigidOrWasNotDug) {
   for (int x = 91; x < 220; ++x)
     for (int y = 0; y < 220; ++y) ground.rigid[static_cast<std::size_t>(ground.index(x, y))] = 1;
   EXPECT_FALSE(any([](int, int) { return 100; }));
+}
+
+TEST(WallFailure, LeavesACliffThatIsHigherThanPlanesFromASmallCutRise) {
+  constexpr double kFoot = 20, kHeight = 40, kCohesion = 5;
+  const BankStrength strength{kCohesion, std::tan(35 * kDegree), 1.25};
+  ASSERT_LT(4 * kCohesion * std::tan(62.5 * kDegree), kHeight) << "which is critical";
+  const Columns ground = straight_cut(220, kFoot, 0, 90 * kDegree, kHeight);
+  const Coord2 at(90, 110);
+  const auto fails = [&](double dug) {
+    return !find_wedge_failure(ground, {Coord2(at - Coord2(4, 4)), Coord2(at + Coord2(4, 4))},
+                               strength, [&](int, int) { return dug; })
+                .failed.isEmpty();
+  };
+  // The plane that needs most comes out within 25 columns.
+  EXPECT_FALSE(fails(0.9 * kHeight / kMaxPlaneDepths));
+  EXPECT_TRUE(fails(1.1 * kHeight / kMaxPlaneDepths));
 }
 
 TEST(WallFailure, FindsThinWallsTooHeavyForTheirFoot) {
