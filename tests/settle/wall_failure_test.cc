@@ -241,6 +241,32 @@ TEST(WallFailure, LeavesACliffThatIsHigherThanPlanesFromASmallCutRise) {
   EXPECT_TRUE(fails(1.1 * kHeight / kMaxPlaneDepths));
 }
 
+TEST(WallFailure, InAGapBesideACliffEndsAboveTheFoot) {
+  constexpr int kSide = 120, kFace = 40, kEnd = 60;
+  constexpr double kHeight = 30, kCliff = 200;
+  const BankStrength strength{3, std::tan(35 * kDegree), 1.25};
+  for (const bool turned : {false, true}) {
+    Columns ground(kSide, kSide, 1);
+    const auto of = [&](int x, int y) { return ground.index(x, turned ? kSide - 1 - y : y); };
+    for (int x = 0; x < kSide; ++x)
+      for (int y = 0; y < kSide; ++y)
+        ground.at(of(x, y)) = y > kEnd ? -kCliff : x < kFace ? 0 : kHeight;
+    ground.firm_m = ground.height_m;
+    for (int x = 0; x < kSide; ++x)
+      for (int y = kEnd + 1; y < kSide; ++y) ++ground.at(of(x, y));  // what fell before
+    const int first = turned ? kSide - 1 - kEnd : 30, last = first + kEnd - 30;
+    const WallFailure failure =
+        find_wedge_failure(ground, {Coord2(kFace - 2, first), Coord2(kFace, last)}, strength,
+                           [](int, int) { return 100; });
+    double lowest = kHeight;
+    for (int x = kFace; !failure.columns.empty() && x < kSide; ++x)
+      for (int y = 0; y <= kEnd; ++y)
+        lowest = std::min(lowest, failure.columns[static_cast<std::size_t>(of(x, y))].height);
+    EXPECT_LT(lowest, kHeight - 1);
+    EXPECT_GE(lowest, 0) << turned;
+  }
+}
+
 TEST(WallFailure, FindsThinWallsTooHeavyForTheirFoot) {
   // 3 sides thick, 20 high: it breaks off along a plane that comes out behind it.
   const BankStrength strength{2, std::tan(30 * kDegree), 1.25};
