@@ -240,7 +240,8 @@ struct Foot {
 /// What stands between columns that fail, or that failed before and bear loose soil.
 class Gaps {
  public:
-  Gaps(const Columns& ground, const WallFailure& failure) : ground_(ground), failure_(failure) {}
+  Gaps(const Columns& ground, const WallFailure& failure, const DugDepth& dug)
+      : ground_(ground), failure_(failure), dug_(dug) {}
 
   /// How a column fails that does not by itself: as those on both sides of it.
   std::optional<WallFailure::Column> fill(const Coord2& at) const {
@@ -253,12 +254,7 @@ class Gaps {
       if (!fails(a) && !fails(b)) continue;
       const double share = static_cast<double>(ahead) / (ahead + behind);
       const WallFailure::Column &from = of(a), &to = of(b);
-      double height = from.height + share * (to.height - from.height);
-      // Not to the foot of a cliff beside it, but along the plane of the side that fails.
-      if (to.height < failure_.lowest)
-        height = std::max(height, from.height - ahead * rise(from, step));
-      if (from.height < failure_.lowest)
-        height = std::max(height, to.height + behind * rise(to, step));
+      const double height = from.height + share * (to.height - from.height);
       if (!highest || height > highest->height)
         highest = {height, from.slope + share * (to.slope - from.slope)};
     }
@@ -271,10 +267,11 @@ class Gaps {
     return failure_.columns[static_cast<std::size_t>(c)];
   }
   bool fails(int c) const { return of(c).height < ground_.firm_at(c); }
-  static double rise(const WallFailure::Column& column, const Coord2& step) {
-    return column.slope.dot(step.cast<double>());
+  /// Debris on ground that was never dug is no failure's: it may lie at the foot of a cliff.
+  bool is_low(int c) const {
+    return fails(c) || (ground_.at(c) - ground_.firm_at(c) > kFilmDepth &&
+                        dug_(c / ground_.ny, c % ground_.ny) > 0);
   }
-  bool is_low(int c) const { return fails(c) || ground_.at(c) - ground_.firm_at(c) > kFilmDepth; }
   /// So many steps; 0: none is near.
   int nearest_low(const Coord2& from, const Coord2& step) const {
     for (int k = 1; k <= kGapColumns; ++k) {
@@ -287,12 +284,13 @@ class Gaps {
 
   const Columns& ground_;
   const WallFailure& failure_;
+  const DugDepth& dug_;
 };
 
 /// Fails also what stands in gaps: slices of feet whose faces differ leave some, and a needle in a
 /// gap does not stand.
-void close_gaps(const Columns& ground, WallFailure& failure) {
-  const Gaps gaps(ground, failure);
+void close_gaps(const Columns& ground, const DugDepth& dug, WallFailure& failure) {
+  const Gaps gaps(ground, failure, dug);
   const Eigen::AlignedBox2i all = failure.failed;
   std::vector<std::pair<Coord2, WallFailure::Column>> closed;
   for (int x = all.min().x() - kGapColumns; x <= all.max().x() + kGapColumns; ++x)
@@ -314,8 +312,7 @@ double BankStrength::least_height() const {
 }
 
 WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
-                               const BankStrength& strength,
-                               const std::function<double(int x, int y)>& dug) {
+                               const BankStrength& strength, const DugDepth& dug) {
   WallFailure failure;
   const auto lower = [&](int x, int y, const Vec2& direction, const FailurePlane& plane) {
     if (failure.columns.empty()) {
@@ -323,7 +320,6 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
         failure.columns.push_back({ground.firm_at(static_cast<int>(c))});
     }
     const double zero = ground.at(ground.index(x, y));
-    failure.lowest = std::min(failure.lowest, ground.firm_at(ground.index(x, y)));
     const int far = static_cast<int>(plane.end) + 1;
     // Of the foot's column as seen along the slice: those of a cut that runs askew leave no gaps.
     const double half_width = (std::abs(direction.x()) + std::abs(direction.y())) / 2;
@@ -399,7 +395,7 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
       if (foot.fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
         lower(foot.at.x(), foot.at.y(), directions()[direction], plane);
   }
-  if (!failure.failed.isEmpty()) close_gaps(ground, failure);
+  if (!failure.failed.isEmpty()) close_gaps(ground, dug, failure);
   return failure;
 }
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <functional>
-#include <limits>
 #include <vector>
 
 #include "core/settle/columns.h"
@@ -30,9 +29,11 @@ struct WallFailure {
   };
   std::vector<Column> columns;
   Eigen::AlignedBox2i failed;  ///< columns of which soil fails; empty: all stands
-  double lowest = std::numeric_limits<double>::infinity();  ///< bank at a foot of what fails
-  bool at_border = false;  ///< a plane may continue beyond the ground, which is too small
+  bool at_border = false;      ///< a plane may continue beyond the ground, which is too small
 };
+
+/// How much lower a column's bank is than it was, sides; 0: no foot can be there.
+using DugDepth = std::function<double(int x, int y)>;
 
 /// Finds the planes along which soil slides off behind feet of cuts: those through a foot that need
 /// the most cohesion, if more than there is (Culmann 1866: c = W sin(theta - phi) / (L cos phi) for
@@ -49,9 +50,7 @@ struct WallFailure {
 ///
 /// @param ground heights in sides; rigid columns stand, and nothing fails through them
 /// @param feet columns of the ground in which to look for feet of cuts
-/// @param dug how much lower a column's bank is than it was, sides; 0: no foot can be there
 WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
-                               const BankStrength& strength,
-                               const std::function<double(int x, int y)>& dug);
+                               const BankStrength& strength, const DugDepth& dug);
 
 }  // namespace soilvdb::inline v0

@@ -255,9 +255,9 @@ TEST(WallFailure, InAGapBesideACliffEndsAboveTheFoot) {
     for (int x = 0; x < kSide; ++x)
       for (int y = kEnd + 1; y < kSide; ++y) ++ground.at(of(x, y));  // what fell before
     const int first = turned ? kSide - 1 - kEnd : 30, last = first + kEnd - 30;
-    const WallFailure failure =
-        find_wedge_failure(ground, {Coord2(kFace - 2, first), Coord2(kFace, last)}, strength,
-                           [](int, int) { return 100; });
+    const WallFailure failure = find_wedge_failure(
+        ground, {Coord2(kFace - 2, first), Coord2(kFace, last)}, strength,
+        [&](int, int y) { return (turned ? kSide - 1 - y : y) > kEnd ? 0 : 100; });
     double lowest = kHeight;
     for (int x = kFace; !failure.columns.empty() && x < kSide; ++x)
       for (int y = 0; y <= kEnd; ++y)
