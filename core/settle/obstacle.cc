@@ -7,7 +7,6 @@
 #include <limits>
 #include <utility>
 
-#include "core/constants.h"
 #include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
@@ -74,14 +73,15 @@ Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Gr
   }
 }
 
-bool Obstacle::blocks(int x, int y, double top) const {
+bool Obstacle::blocks(int x, int y, double top, float clearance) const {
   const int i = x - first_.x(), j = y - first_.y();
   if (i < 0 || j < 0 || i >= nx_ || j >= ny_) return false;
-  return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleClearance;
+  return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + clearance;
 }
 
-BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles)
-    : ground_(&ground) {
+BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles,
+                               float clearance)
+    : ground_(&ground), clearance_(clearance) {
   for (const Obstacle* obstacle : obstacles) {
     if (obstacle->empty()) continue;
     masks_.push_back({obstacle, {}});
@@ -112,7 +112,7 @@ void BlockedColumns::look_at(Mask& mask) {
     std::uint8_t& here = blocked[static_cast<std::size_t>(i * ny + j)];
     if (here == 0) return;
     const Coord2 cell = obstacle.first_ + Coord2(i, j);
-    if (obstacle.blocks(cell.x(), cell.y(), ground_->column(cell).surface)) return;
+    if (obstacle.blocks(cell.x(), cell.y(), ground_->column(cell).surface, clearance_)) return;
     here = 0;
     open.emplace_back(i, j);
   };

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/constants.h"
 #include "core/ground/ground_columns.h"
 #include "soilvdb/bucket.h"
 
@@ -21,8 +22,9 @@ class Obstacle {
   bool empty() const { return lowest_.empty(); }
   /// The cells of the columns that it is over.
   Eigen::AlignedBox2i cells() const { return {first_, first_ + Coord2(nx_ - 1, ny_ - 1)}; }
-  /// Does it reach into soil whose surface is at `top`? @param x, y cell
-  bool blocks(int x, int y, double top) const;
+  /// Does it reach into soil whose surface is at `top`, or is less than `clearance` cells above it?
+  /// @param x, y cell
+  bool blocks(int x, int y, double top, float clearance) const;
 
  private:
   friend class BlockedColumns;
@@ -37,7 +39,8 @@ class Obstacle {
 class BlockedColumns {
  public:
   /// @param ground, obstacles must outlive it
-  BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles);
+  BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles,
+                 float clearance = kObstacleClearance);
   bool operator()(const Coord2& cell) { return over_.contains(cell) && blocks(cell); }
 
  private:
@@ -49,6 +52,7 @@ class BlockedColumns {
   void look_at(Mask& mask);
 
   GroundColumns* ground_;
+  float clearance_;  // cells
   std::vector<Mask> masks_;
   Eigen::AlignedBox2i over_;  // around all of them
 };

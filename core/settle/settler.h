@@ -76,6 +76,9 @@ class Settler {
   /// makes a pile. If a tool or no ground is below, it falls beside that, to the side that `ahead`
   /// looks to if it isn't 0.
   void drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s);
+  /// Cells above the ground up to which tools block soil that another source drops: no less than
+  /// what half a cone of it rises against one.
+  float clearance(std::int64_t mass) const;
   /// Mean height of the ground before a line, world, between heights for its ends: lower ground
   /// counts as `low_m`, higher as `high_m`. @param ahead of unit length
   double mean_height(const Line& line_m, const Vec2& ahead, const std::array<double, 2>& low_m,
@@ -114,7 +117,7 @@ class Settler {
   };
 
   void refresh();
-  void look_at(const Coord2& first, const Coord2& size);
+  void look_at(const Coord2& first, const Coord2& size, float clearance = kObstacleClearance);
   void read_columns(const Eigen::AlignedBox2i& cells);
   BlockedColumns blocked() { return {columns_, walls_}; }
   void take_out(std::span<const ColumnEdit> changes);

@@ -40,7 +40,7 @@ void Settler::break_overhangs(const Eigen::AlignedBox3d& around_m) {
     for (const UnsupportedPiece& piece :
          find_overhangs(ground_, box, strength_ ? &overhang_strength_ : nullptr, contact)) {
       const auto holds = [&](const Obstacle* tool) {
-        return tool->blocks(piece.cell.x(), piece.cell.y(), piece.high);
+        return tool->blocks(piece.cell.x(), piece.cell.y(), piece.high, kObstacleClearance);
       };
       if (std::any_of(walls_.begin(), walls_.end(), holds)) continue;
       falls.from.push_back(ColumnEdit::all(piece.cell, piece.low, piece.high));

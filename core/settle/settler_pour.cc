@@ -16,9 +16,9 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Cells along a cone's radius.
-int cone_radius(double samples, double slope) {
-  return static_cast<int>(std::cbrt(3 * samples / (64 * std::numbers::pi * slope))) + 1;
+/// Radius of a cone, cells.
+double cone_radius(double samples, double slope) {
+  return std::cbrt(3 * samples / (64 * std::numbers::pi * slope));
 }
 
 /// The nearest line ahead on which soil can lie that falls along one, or nothing. Of lines that
@@ -114,6 +114,11 @@ void Settler::drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, dou
   }
 }
 
+float Settler::clearance(std::int64_t mass) const {
+  const double height = slope_ * cone_radius(2 * units_.loose_samples(mass), slope_);
+  return std::max(kObstacleClearance, static_cast<float>(height));
+}
+
 /// Pours along a line: a ridge where soil can lie so, else a few heaps.
 void Settler::pour_line(const Line& from_m, Vec2 ahead, std::int64_t mass) {
   if (ahead != Vec2::Zero()) ahead.normalize();
@@ -138,7 +143,7 @@ bool Settler::pour_pending(Vec2 at, Vec2 along, const Vec2& ahead) {
   const std::int64_t samples = totals_.pending / units_.loose;
   if (samples == 0) return true;
   constexpr int kMaxHalf = kMaxWindowCells / 2;
-  const int radius = cone_radius(static_cast<double>(samples), slope_);
+  const int radius = static_cast<int>(cone_radius(static_cast<double>(samples), slope_)) + 1;
   const int wide = kRunOnRadii * (radius + kWindowMargin);
   refresh();
   int half = radius + kPourMargin + heap_radius(at + along / 2);
@@ -218,7 +223,9 @@ Settler::Poured Settler::pour_in_window(Vec2& at, const Vec2& along, const Vec2&
   const std::int64_t samples = totals_.pending / units_.loose;
   const Vec2 centre = at + along / 2;
   const Coord2 first = floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
-  look_at(first, Coord2::Constant(2 * half + kChunkSide));
+  const bool of_tool = along != Vec2::Zero() || ahead != Vec2::Zero();
+  look_at(first, Coord2::Constant(2 * half + kChunkSide),
+          of_tool ? kObstacleClearance : clearance(totals_.pending));
   Columns& ground = window_.columns;
   const Vec2 place = at + Vec2(0.5, 0.5) - first.cast<double>();
   double tools = 0;

@@ -158,9 +158,9 @@ bool Machine::fail() {
 }
 
 /// The bucket is a wall to soil where it is in the ground. What leant on it where it was may slide.
-void Machine::set_wall(const Ground& ground, const Pose& at) {
+void Machine::set_wall(const Ground& ground, const Pose& at, float clearance) {
   const Pose here[] = {at};
-  const bool stands = !stays_in_air(ground, here, kObstacleClearance * ground.voxel_size_m());
+  const bool stands = !stays_in_air(ground, here, clearance * ground.voxel_size_m());
   if (wall_ && stands && wall_->position == at.position &&
       wall_->rotation.coeffs() == at.rotation.coeffs())
     return;
@@ -252,10 +252,15 @@ void Machine::pass_turn(Ground& ground, double time_s) {
   drop(ground, time_s, false);
 }
 
+void Machine::meet(const Ground& ground, float clearance) {
+  if (!placed_ || (wall_ && travel_m(*wall_, current_) <= kMaxTremble_m)) return;
+  set_wall(ground, current_, clearance);
+}
+
 /// What sensors err by is no way, so beside a bucket that stands soil comes to rest by time.
 void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!placed_) return;
-  if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_);
+  meet(ground, kObstacleClearance);
   spill_here(time_s, held_m());
   drop(ground, time_s, true);
   held_m_ = held_m();

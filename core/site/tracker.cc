@@ -241,9 +241,9 @@ Update Tracker::pour(std::size_t pour, double until_s) {
     std::int64_t& parts = poured_parts_[pour];
     const PourParts all(source, ground_.voxel_size_m());
     while (parts < all.count() && all.falls_s(parts + 1) <= until_s) {
-      const std::int64_t before = poured(source, parts++);
-      settler.drop({source.at_m, source.at_m}, Vec2::Zero(), poured(source, parts) - before,
-                   all.falls_s(parts));
+      const std::int64_t before = poured(source, parts++), mass = poured(source, parts) - before;
+      for (const auto& machine : machines_) machine->meet(ground_, settler.clearance(mass));
+      settler.drop({source.at_m, source.at_m}, Vec2::Zero(), mass, all.falls_s(parts));
     }
     settler.take_changes(*pours_may_slide_);
     others_forget_changes(machines_.size());

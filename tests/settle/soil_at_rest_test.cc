@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <random>
 #include <vector>
 
 #include "core/ground/ground_writer.h"
@@ -297,6 +298,58 @@ TEST(SoilAtRest, AnotherMachinesBucketIsAWall) {
   };
   EXPECT_EQ(behind(), 0);
   EXPECT_EQ(residual(tracker), 0);
+}
+
+/// Soil that stands in a bucket's body, cells: its deepest, where a column is wholly under the
+/// body.
+double deepest_within(const Ground& ground, const Bucket& bucket, const Pose& at) {
+  const double h = ground.voxel_size_m();
+  const GroundWindow window = all_of(ground);
+  double deepest = 0;
+  for (int x = 0; x < window.nx(); ++x)
+    for (int y = 0; y < window.ny(); ++y) {
+      const Coord2 cell = window.first() + Coord2(x, y);
+      const Vec3 in = at.rotation.inverse() * (h * Vec3(cell.x(), cell.y(), 0) - at.position);
+      if (std::abs(in.y()) > bucket.width_m / 2 - h) continue;
+      // The lower side of its outline, which begins at the lip and goes backwards.
+      for (std::size_t i = 0; i + 1 < bucket.profile.size(); ++i) {
+        const Vec2 from = bucket.profile[i], to = bucket.profile[i + 1];
+        if (to.x() >= from.x() || in.x() > from.x() - h || in.x() < to.x() + h) continue;
+        const double share = (in.x() - from.x()) / (to.x() - from.x());
+        const double low = at.position.z() + from.y() + share * (to.y() - from.y());
+        deepest = std::max(deepest, window.at(x, y).top - low / h);
+      }
+    }
+  return deepest;
+}
+
+TEST(SoilAtRest, SoilPouredOntoABucketInTheAirStaysOutOfIt) {
+  std::mt19937 random(911);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution(low, high)(random);
+  };
+  for (int scene = 0; scene < 12; ++scene) {
+    const double length = between(0.6, 1.2), height = between(0.6, 1.2), sag = between(0, 0.2);
+    const Bucket bucket{
+        between(0.9, 1.5),
+        height,
+        {{0, 0}, {-length / 2, -sag}, {-length, sag}, {-length, height}, {0, height}},
+        {}};
+    const Eigen::Quaterniond rotation = from_rpy(0, 0, between(-3, 3));
+    const Pose at{{between(-1, 1), between(-1, 1), sag + between(0.02, 0.5)}, rotation};
+    const Vec3 above = at * Vec3(between(-length, 0), between(-0.5, 0.5), 5);
+    const double voxel = scene % 3 == 0 ? 0.05 : 0.1;
+    Ground ground(voxel, Vec3::Zero(), make_plane(0, {between(-0.1, 0.1), between(-0.1, 0.1)}));
+    const double low = *ground.terrain().height(at.position.x(), at.position.y());
+    const Pose here{at.position + low * Vec3::UnitZ(), rotation};
+    Tracker tracker(ground, {bucket}, loam_with_pours({{"tip", above, 0, 10, between(0.5, 3)}}));
+    tracker.update(0, {here.position + 2 * Vec3::UnitZ(), rotation});
+    tracker.update(0, here);
+    const double step_s = between(0.1, 5);
+    for (double time_s = step_s; time_s < 10 + step_s; time_s += step_s) tracker.pour(0, time_s);
+    EXPECT_LE(deepest_within(ground, bucket, here), 1.5) << scene;
+    EXPECT_EQ(residual(tracker), 0);
+  }
 }
 
 /// Columns that a bucket with its mouth down takes, on ground that falls away to one of its sides.
