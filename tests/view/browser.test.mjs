@@ -626,7 +626,7 @@ looking('the ground has the colours of what scans know of it, until it is dug, a
   page.on('request', (request) => { if (new URL(request.url()).pathname.endsWith('/sigmas')) asked.push(request.url()); });
   const option = page.locator('[aria-label="Colour by"] option[value=sigma]'), words = (part) => page.locator(part).allTextContents();
   await trench(page, 1.7e9, 0, 0.3);
-  await page.waitForFunction(() => window.soilvdb.height(0.6, 0.03) < 1.75);
+  await site.drawnBelow(page, [0.6, 0.03], 1.75);
   assert.ok(await option.count() === 0 && await page.isHidden('#scans'), 'nobody scans');
   const answer = await scan(page, 'mast', 1.7e9 + 1, [-1.5, 0.8, 1.5, 1.6]);
   assert.ok(answer.rays.used > 900, JSON.stringify(answer));
@@ -791,7 +791,7 @@ looking('the ground keeps its size when a panel opens or the phone is turned', y
 
 looking('a machine that comes leaves what was measured and what is being drawn', yard, async (page) => {
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
-  await page.waitForFunction(() => window.soilvdb.height(0.6, 0) < 1.9);
+  await site.drawnBelow(page, [0.6, 0], 1.9);
   await site.drawn(page);
   await page.keyboard.press('g');
   await page.keyboard.press('t');
@@ -1297,7 +1297,7 @@ test('a measure with a name is seen by all, moved, asked for its progress, share
   try {
     const office = await opened(server.url.replace('looks', 'sesame'));
     await scoop(office, 0, 0, 0, 0.3);
-    await office.waitForFunction(() => window.soilvdb.height(0.6, 0) < 1.9);
+    await site.drawnBelow(office, [0.6, 0], 1.9);
     await site.drawn(office);   // the camera is at the work
     await office.keyboard.press('g');
     await office.keyboard.press('t');
@@ -1380,7 +1380,7 @@ test('what is asked without a connection is asked again, and done when it is bac
     const named = async () => (await (await fetch(new URL('measures?token=sesame', server.url))).json()).measures.map(({name}) => name);
     const words = (part) => page.waitForFunction((selector) => /No connection; it will be asked again/.test(document.querySelector(selector)?.textContent), part);
     await scoop(page, 0, 0, 0, 0.3);
-    await page.waitForFunction(() => window.soilvdb.height(0.6, 0) < 1.9);
+    await site.drawnBelow(page, [0.6, 0], 1.9);
     await page.keyboard.press('g');
     await page.keyboard.press('t');
     await site.drawn(page);

@@ -78,6 +78,12 @@ export async function settled(page) {
   await page.waitForFunction(() => window.soilvdb?.terrain().settled && window.soilvdb.view().settled);
 }
 
+/** Waits until the ground is drawn at a place of the world, and lower than a height. */
+export const drawnBelow = (page, place, most) => page.waitForFunction(([x, y, z]) => {
+  const height = window.soilvdb.height(x, y);
+  return height !== null && height < z;
+}, [...place, most]);
+
 /** Clicks on the ground where it is drawn at a place of the world. */
 export async function clickAt(page, [x, y]) {
   const pixel = await page.evaluate(([u, v]) => {
