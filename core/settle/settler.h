@@ -79,6 +79,8 @@ class Settler {
   /// Cells above the ground up to which tools block soil that another source drops: no less than
   /// what half a cone of it rises against one.
   float clearance(std::int64_t mass) const;
+  /// How far from a place, in plan, the pile there may grow by so much soil.
+  double reach_m(const Vec3& at_m, std::int64_t mass);
   /// Mean height of the ground before a line, world, between heights for its ends: lower ground
   /// counts as `low_m`, higher as `high_m`. @param ahead of unit length
   double mean_height(const Line& line_m, const Vec2& ahead, const std::array<double, 2>& low_m,

@@ -119,6 +119,12 @@ float Settler::clearance(std::int64_t mass) const {
   return std::max(kObstacleClearance, static_cast<float>(height));
 }
 
+double Settler::reach_m(const Vec3& at_m, std::int64_t mass) {
+  refresh();
+  const int cells = heap_radius(ground_.index_from_world(at_m).head<2>());
+  return ground_.voxel_size_m() * (cells + clearance(mass) / slope_);
+}
+
 /// Pours along a line: a ridge where soil can lie so, else a few heaps.
 void Settler::pour_line(const Line& from_m, Vec2 ahead, std::int64_t mass) {
   if (ahead != Vec2::Zero()) ahead.normalize();

@@ -72,9 +72,9 @@ class Machine {
     begin_update();
     pass_station(ground, time_s, Rest::kEnd);
   }
-  /// Where soil of others comes near the bucket, it is a wall. @param clearance above the ground,
-  /// cells
-  void meet(const Ground& ground, float clearance);
+  /// To a pile of another source that may grow to it the bucket is a wall.
+  /// @param at_m, reach_m where the pile is in plan @param clearance over the ground, cells
+  void meet(const Ground& ground, const Vec2& at_m, double reach_m, float clearance);
   /// Soil that was pushed or spilled and has not dropped, and what goes on before the mouth, units
   /// of mass.
   std::int64_t pending() const { return pushed_ + in_flight_ + heaped_; }
@@ -107,6 +107,7 @@ class Machine {
   void pass_station(Ground& ground, double time_s, Rest rest);
   bool fail();
   void set_wall(const Ground& ground, const Pose& at, float clearance = kObstacleClearance);
+  void stand(const Ground& ground, float clearance);
   double hold_m3(double held_m) const;
   std::int64_t surplus(double held_m) const;
   void spill(double held_m, double share = 1);

@@ -252,15 +252,20 @@ void Machine::pass_turn(Ground& ground, double time_s) {
   drop(ground, time_s, false);
 }
 
-void Machine::meet(const Ground& ground, float clearance) {
-  if (!placed_ || (wall_ && travel_m(*wall_, current_) <= kMaxTremble_m)) return;
-  set_wall(ground, current_, clearance);
+/// A bucket that trembles is the wall that it was.
+void Machine::stand(const Ground& ground, float clearance) {
+  if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_, clearance);
+}
+
+void Machine::meet(const Ground& ground, const Vec2& at_m, double reach_m, float clearance) {
+  const double apart_m = (current_.position.head<2>() - at_m).norm();
+  if (placed_ && apart_m < reach_m + radius_m_) stand(ground, clearance);
 }
 
 /// What sensors err by is no way, so beside a bucket that stands soil comes to rest by time.
 void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!placed_) return;
-  meet(ground, kObstacleClearance);
+  stand(ground, kObstacleClearance);
   spill_here(time_s, held_m());
   drop(ground, time_s, true);
   held_m_ = held_m();

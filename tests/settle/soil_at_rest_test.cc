@@ -352,6 +352,22 @@ TEST(SoilAtRest, SoilPouredOntoABucketInTheAirStaysOutOfIt) {
   }
 }
 
+/// The first byte of a tracker's state, which begins with its machine's, that a pour changes.
+std::ptrdiff_t first_changed(double apart_m) {
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {digger()}, loam_with_pours({{"heap", {0, apart_m, 5}, 0, 10, 2}}));
+  for (const double z : {1.0, 0.5}) tracker.update(0, {{0, 0, z}, Eigen::Quaterniond::Identity()});
+  const std::string before = tracker.state();
+  tracker.pour(0, 10);
+  const std::string after = tracker.state();
+  return std::mismatch(before.begin(), before.end(), after.begin(), after.end()).first -
+         before.begin();
+}
+
+TEST(SoilAtRest, APourElsewhereIsNothingToABucketInTheAir) {
+  EXPECT_LT(first_changed(0.5), first_changed(8));
+}
+
 /// Columns that a bucket with its mouth down takes, on ground that falls away to one of its sides.
 int blocked(double yaw) {
   const Eigen::Vector2d fall = Eigen::Rotation2Dd(yaw) * Vec2(0, -0.9);
