@@ -342,6 +342,85 @@ TEST(PourLaws, OfALargePlaneThatIsTooSteepOnlyTheWayDownIsRead) {
   }
 }
 
+/// What soil reaches whose top is at a level. @param at in columns
+Front front_of(const Columns& ground, const Vec2& at, double level_m) {
+  FrontFinder finder;
+  Front front;
+  finder.look_at(ground, kPourSlope);
+  const int column = ground.index(static_cast<int>(at.x()), static_cast<int>(at.y()));
+  finder.fill({at, column}, level_m, kInfinity, front);
+  return front;
+}
+
+TEST(PourLaws, OverABanksCornerTheWayIsStraightIfSoilIsAboveItsEdges) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> share(0, 1);
+  constexpr int kCorner = 20;
+  int over = 0, round = 0;
+  for (int scene = 0; scene < 64; ++scene) {
+    SCOPED_TRACE(scene);
+    // From the edges of its corner the bank rises too steeply for soil to lie on it.
+    const double edge = 4 + share(random), rise = 3 + share(random);
+    const Columns ground = columns_of(2, 2, kSide_m, [&](double x, double y) {
+      const Vec2 in = Vec2(x, y) / kSide_m - Vec2::Constant(kCorner);
+      return in.minCoeff() > 0 ? kSide_m * (edge + rise * (in.sum() - 0.5)) : 0;
+    });
+    const Vec2 from = Vec2(-1 - 6 * share(random), 1 + 6 * share(random));  // from the corner
+    const bool is_above = scene % 2 == 0;
+    const double level = is_above ? edge + 0.2 + kPourSlope * (from.norm() + 1)
+                                  : edge - 0.2 + kPourSlope * from.norm();
+    const Front front = front_of(ground, Vec2::Constant(kCorner) + from, kSide_m * level);
+    for (const Front::Part& part : front.parts) {
+      const Vec2 to = middle_m(ground, part.column) / kSide_m - Vec2::Constant(kCorner);
+      const Vec2 way = to - from;
+      ASSERT_GE(part.distance, way.norm() - kRounding);
+      if (to.x() < 0 || to.y() > 0) continue;
+      // Where it comes over the corner's column and where it leaves it, less than a column away.
+      const double in = from.y() - from.x() / way.x() * way.y();
+      const double out = from.x() - from.y() / way.y() * way.x();
+      if (std::min(in, out) < 0.1 || std::max(in, out) > 0.7) continue;
+      if (is_above) {
+        EXPECT_NEAR(part.distance, way.norm(), kRounding);
+      } else {
+        EXPECT_GT(part.distance, way.norm() + kRounding);
+      }
+      ++(is_above ? over : round);
+    }
+  }
+  EXPECT_GT(over, 50);
+  EXPECT_GT(round, 50);
+}
+
+TEST(PourLaws, NoWayOverALipIsShorterThanThatWhereSoilIsAboveIt) {
+  std::mt19937_64 random(6);
+  std::uniform_real_distribution<double> share(0, 1);
+  constexpr int kLip = 24;
+  int straight = 0, bent = 0;
+  for (int scene = 0; scene < 64; ++scene) {
+    SCOPED_TRACE(scene);
+    // Ground rises to the lip, so that soil that covers a column may end before the lip.
+    const double rise = kPourSlope * (0.3 + 0.65 * share(random));
+    const Columns ground = columns_of(3, 2.4, kSide_m, [&](double, double y) {
+      const double before = kLip * kSide_m - y;
+      return before > 0 ? -rise * before : -2;
+    });
+    const double ahead = 1 + 8 * share(random), reach = ahead * (1 + 0.7 * share(random));
+    const double half = std::sqrt(reach * reach - ahead * ahead);
+    const Vec2 source(30 + share(random), kLip - ahead);
+    const Front front = front_of(ground, source, kPourSlope * kSide_m * reach);
+    for (const Front::Part& part : front.parts) {
+      const Vec2 way = middle_m(ground, part.column) / kSide_m - source;
+      if (way.y() < ahead) continue;
+      const Vec2 end(std::copysign(half, way.x()), ahead);
+      const bool is_straight = std::abs(way.x()) * ahead < half * way.y();
+      ASSERT_GE(part.distance, (is_straight ? way.norm() : reach + (way - end).norm()) - kRounding);
+      ++(is_straight ? straight : bent);
+    }
+  }
+  EXPECT_GT(straight, 10000);
+  EXPECT_GT(bent, 10000);
+}
+
 TEST(PourLaws, LevelsHoldTheVolumeAlsoWhereTheyAreThatOfAColumn) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> height(430, 431);
