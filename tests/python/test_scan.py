@@ -1025,6 +1025,74 @@ def test_a_floor_beside_its_walls_errs_with_the_lip_as_well():
     assert site.heights([(1.0, -0.65), (1.0, 0.65)]) == pytest.approx(0.0, abs=1e-6)   # the rim
 
 
+def test_a_wall_errs_by_its_share_of_what_the_floor_errs_alike():
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 1.3)])
+    site.update_path(0, positions=[(x, 0, -0.8) for x in np.linspace(-1, 13, 141)])
+    site.place(0, position=(-8, -8, 4))
+    walls = [(5.0, y) for y in (-0.6, -0.55, 0.55, 0.6)]   # half dug, and dug
+    heights = site.heights(walls)
+    for seed in range(3):   # as the lip left it, but for a square of 2 m
+        site.scan(PRECISE, np.concatenate([over(site, level, (low, side), (high, side + 1), seed=seed)
+                                           for level, low, high, side in (
+                                               (0, 0, 12, 1), (-0.8, 0, 4, -0.5), (-0.812, 4, 6, -0.5),
+                                               (-0.8, 6, 12, -0.5))]), world=True)
+    assert abs(site.apply_scans().lip_error[0][0]) < 0.004
+    by = site.heights(walls) - heights
+    assert by[1] < -0.008
+    assert by == pytest.approx([by[1] / 2, by[1], by[1], by[1] / 2], abs=2 * 0.05 / 64)   # samples
+
+
+@pytest.mark.parametrize("off", [-0.02, 0.02])
+def test_scans_of_level_ground_tell_nothing_of_a_cliff_that_no_ray_met(off):
+    cliff = np.where(np.arange(-4, 4.05, 0.1) < 0.05, 1.0, 0.0).astype(np.float32)
+    site = soilvdb.Site(0.05, soilvdb.raster(np.tile(cliff, (81, 1)), origin=(-4, -4), cell=0.1), [])
+    seen = [(1 + off, -1.5, -0.2), (off, 0.3, 1.0), (off, 1.1, 1.5)]
+    face, between = [(x, 0) for x in (-0.05, 0, 0.05, 0.1)], [(1.05, y) for y in (-1, 0, 1)]
+    was = site.heights(face)
+    for seed in range(3):
+        site.scan(PRECISE, np.concatenate([over(site, level, (low, -1.5), (high, 1.5), seed=seed)
+                                           for level, low, high in seen]), world=True)
+    site.apply_scans()
+    assert np.array_equal(site.heights(face), was)
+    assert site.heights(between) == pytest.approx(off, abs=0.005)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_ground_is_found_to_be_another_whatever_was_dug_beside_it(side):
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    site.update_path(0, positions=[(x, 0, -0.1) for x in np.linspace(-1, 3, 41)])
+    site.place(0, position=(-8, -8, 4))
+    # A ray tells so little that only those about it together say that the ground settled.
+    coarse = soilvdb.Sensor(name="coarse", position=(1, 0, 5), range_sigma=0.02, mount_height_sigma=1e-4,
+                            mount_tilt_sigma=1e-5, mount_scale_sigma=1e-6)
+    strips = [(-0.1, -0.5, 0.5), (-0.04, 0.72, 1.0), (0.0, 1.2, 1.9)]   # dug, settled, as it was
+    site.scan(coarse, np.concatenate([over(site, level, (0, low), (2, high), step=0.025, noise=0) * (1, side, 1)
+                                      for level, low, high in strips]), world=True)
+    site.apply_scans()
+    x, y = np.meshgrid(np.arange(0.1, 1.9, 0.05), np.arange(0.75, 0.96, 0.05))
+    assert site.heights(np.column_stack([x.ravel(), side * y.ravel()])) == pytest.approx(-0.04, abs=0.002)
+
+
+def test_the_number_of_a_machine_does_not_show():
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(-1, 3, 0.05), np.arange(-0.7, 0.71, 0.05)))
+
+    def told_of(machine):
+        site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 1.3)] * 3)
+        site.scan(ABOVE, np.zeros((0, 3)))   # from here on it is known which machine digs
+        site.update_path(machine, positions=[(at, 0, -0.8) for at in np.linspace(-1, 3, 41)])
+        for k in range(3):
+            site.place(k, position=(-8, -8 - 3 * k, 4))
+        survey = floor_told(site, -0.84, range(2))
+        return survey.lip_error[machine], survey.sigma_m3, *site.heights(np.column_stack([x, y]), sigma=True)
+
+    lip, sigma_m3, heights, sigmas = told_of(0)
+    assert lip[0] > 0.02
+    for other in map(told_of, (1, 2)):
+        assert other[0] == pytest.approx(lip) and other[1] == pytest.approx(sigma_m3)
+        assert np.abs(other[2] - heights).max() < 1.01 * 0.05 / 64   # a sample, by rounding
+        assert np.abs(other[3] - sigmas).max() < 1e-6
+
+
 def test_what_was_seen_stays_however_steep():
     site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)], soil=LOAM)
     for seed in range(2):
