@@ -121,10 +121,11 @@ class CommonErrors {
 
   /// A column's correction u, and how it depends on the errors that it shares.
   struct Correction {
-    double mean = 0;     ///< m
-    double own = 0;      ///< variance without those of the common errors and of z, m^2
-    double alike = 0;    ///< error of u by that of z, m
-    Eigen::VectorXd on;  ///< by those of the common errors, if z is known
+    double mean = 0;          ///< m
+    double own = 0;           ///< variance without those of the common errors and of z, m^2
+    double alike = 0;         ///< error of u by that of z, m
+    Eigen::VectorXd on;       ///< by those of the common errors, if z is known
+    Eigen::VectorXd all, by;  ///< storage of variance()
   };
   /// @param measured a
   /// @param predicted b
@@ -139,10 +140,11 @@ class CommonErrors {
     to.mean = column.weight / all * column.residual - to.on.dot(mean_) - to.alike * mean_of(block);
     to.own = 1 / all;
   }
-  double variance(const Correction& of, const BlockError& block) const {
-    const Eigen::VectorXd on = of.on + of.alike * block.on;
+  double variance(Correction& of, const BlockError& block) const {
+    auto &on = of.all, &by = of.by;
+    on = of.on + of.alike * block.on;
     // Eigen's product costs several times as much, of so few errors.
-    Eigen::VectorXd by = Eigen::VectorXd::Zero(on.size());
+    by.setZero(on.size());
     for (Eigen::Index i = 0; i < on.size(); ++i)
       if (on[i] != 0) by += on[i] * covariance_.col(i);
     return of.own + of.alike * of.alike * block.variance + on.dot(by);

@@ -48,7 +48,7 @@ CommonErrors::Correction correct(const CommonErrors& errors, const ColumnResidua
 
 /// Sigma of a column's height after it was seen without end.
 double height_mm(const CommonErrors& errors, const Vector& measured, const Vector& predicted) {
-  const auto correction = correct(errors, {0, kEndless, kExact}, measured, predicted);
+  auto correction = correct(errors, {0, kEndless, kExact}, measured, predicted);
   return std::sqrt(errors.variance(correction, BlockResidual{}.error(measured.size()))) / kMm;
 }
 
@@ -169,8 +169,8 @@ TEST(CommonErrors, EliminationIsExact) {
     EXPECT_NEAR(errors.mean_of(block), dense[kColumns + n], 1e-9);
     double sum_alike = 0;
     for (int i = n * kOfBlock; i < (n + 1) * kOfBlock; ++i) {
-      const auto correction = correct(errors, columns[static_cast<std::size_t>(i)], measured[at],
-                                      predicted[at], blocks[at]);
+      auto correction = correct(errors, columns[static_cast<std::size_t>(i)], measured[at],
+                                predicted[at], blocks[at]);
       EXPECT_NEAR(correction.mean, dense[i], 1e-12);
       EXPECT_NEAR(errors.variance(correction, block), covariance(i, i), 1e-12);
       apart += correction.own;
@@ -191,10 +191,10 @@ TEST(CommonErrors, BlocksTellOfColumnsThatWereNotSeen) {
   const double alike = 6 * kMm, own = 4 * kMm, off = 9 * kMm;
   for (int i = 0; i < 10'000; ++i)
     block.add({off, kEndless, own * own, alike}, vector({0}), {i % 100, i / 100});
-  const auto unseen = correct(errors, {0, 0, own * own, alike}, vector({0}), vector({0}), block);
+  auto unseen = correct(errors, {0, 0, own * own, alike}, vector({0}), vector({0}), block);
   EXPECT_NEAR(unseen.mean, off, 1e-3 * off);
   EXPECT_NEAR(std::sqrt(errors.variance(unseen, block.error(1))), own, 1e-3 * own);
-  const auto other = correct(errors, {0, 0, own * own, alike}, vector({0}), vector({0}));
+  auto other = correct(errors, {0, 0, own * own, alike}, vector({0}), vector({0}));
   EXPECT_EQ(other.mean, 0);
   EXPECT_NEAR(std::sqrt(errors.variance(other, BlockResidual{}.error(1))), std::hypot(own, alike),
               1e-12);
