@@ -337,18 +337,57 @@ TEST(SoilAtRest, SoilPouredOntoABucketInTheAirStaysOutOfIt) {
         {}};
     const Eigen::Quaterniond rotation = from_rpy(0, 0, between(-3, 3));
     const Pose at{{between(-1, 1), between(-1, 1), sag + between(0.02, 0.5)}, rotation};
-    const Vec3 above = at * Vec3(between(-length, 0), between(-0.5, 0.5), 5);
+    const double behind = between(-length, 0), beside = between(-0.5, 0.5);
+    const Vec3 above = at * Vec3(behind, beside, 5);
     const double voxel = scene % 3 == 0 ? 0.05 : 0.1;
     Ground ground(voxel, Vec3::Zero(), make_plane(0, {between(-0.1, 0.1), between(-0.1, 0.1)}));
     const double low = *ground.terrain().height(at.position.x(), at.position.y());
     const Pose here{at.position + low * Vec3::UnitZ(), rotation};
-    Tracker tracker(ground, {bucket}, loam_with_pours({{"tip", above, 0, 10, between(0.5, 3)}}));
-    tracker.update(0, {here.position + 2 * Vec3::UnitZ(), rotation});
-    tracker.update(0, here);
+    Tracker tracker(ground, {digger(), bucket},
+                    loam_with_pours({{"tip", above, 0, 10, between(0.5, 3)}}));
+    tracker.update(1, {here.position + 2 * Vec3::UnitZ(), rotation});
+    tracker.update(1, here);
     const double step_s = between(0.1, 5);
     for (double time_s = step_s; time_s < 10 + step_s; time_s += step_s) tracker.pour(0, time_s);
     EXPECT_LE(deepest_within(ground, bucket, here), 1.5) << scene;
     EXPECT_EQ(residual(tracker), 0);
+  }
+}
+
+/// A bucket with a level floor, from 1 m behind the lip to it.
+Bucket box() { return {1.2, 1, {{0, 0}, {-1, 0}, {-1, 1}, {0, 1}}, {}}; }
+
+TEST(SoilAtRest, ABucketKeepsPilesOutThatGrowToItFromBeside) {
+  struct Case {
+    double behind_m, until_s, volume_m3;
+  };
+  for (const Case& c : {Case{0.55, 0, 3}, Case{2, 10, 20}}) {
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(
+        ground, {box()},
+        loam_with_pours({{"heap", {-1 - c.behind_m, 0, 5}, 0, c.until_s, c.volume_m3}}));
+    const Pose here{{0, 0, 0.35}, Eigen::Quaterniond::Identity()};
+    tracker.update(0, {{0, 0, 2}, here.rotation});
+    tracker.update(0, here);
+    tracker.pour(0, c.until_s);
+    EXPECT_LE(deepest_within(ground, box(), here), 1.5) << c.volume_m3;
+  }
+}
+
+TEST(SoilAtRest, ABucketIsAWallUpToWhatHalfAConeRises) {
+  const Earthmoving all = loam_with_pours({{"heap", {-0.5, 0, 5}, 0, 0, 1}});
+  const double slope = std::tan(all.soil->repose_rad), volume_m3 = 2;
+  const double rise_m = slope * std::cbrt(3 * volume_m3 / (std::numbers::pi * slope));
+  for (const double share : {0.98, 1.02}) {
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, {box()}, all);
+    for (const double z : {3.0, share * rise_m})
+      tracker.update(0, {{0, 0, z}, Eigen::Quaterniond::Identity()});
+    tracker.pour(0, 1);
+    const GroundWindow window = all_of(ground);
+    const Coord2 middle = Coord2(-5, 0) - window.first();
+    const double top = kVoxel * window.at(middle.x(), middle.y()).top;
+    EXPECT_EQ(top > 0.5 * kVoxel, share > 1) << top;
   }
 }
 
