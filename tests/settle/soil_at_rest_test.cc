@@ -364,11 +364,11 @@ TEST(SoilAtRest, ABucketKeepsPilesOutThatGrowToItFromBeside) {
   for (const Case& c : {Case{0.55, 0, 3}, Case{2, 10, 20}}) {
     Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Tracker tracker(
-        ground, {box()},
+        ground, {digger(), box()},
         loam_with_pours({{"heap", {-1 - c.behind_m, 0, 5}, 0, c.until_s, c.volume_m3}}));
     const Pose here{{0, 0, 0.35}, Eigen::Quaterniond::Identity()};
-    tracker.update(0, {{0, 0, 2}, here.rotation});
-    tracker.update(0, here);
+    tracker.update(1, {{0, 0, 2}, here.rotation});
+    tracker.update(1, here);
     tracker.pour(0, c.until_s);
     EXPECT_LE(deepest_within(ground, box(), here), 1.5) << c.volume_m3;
   }
