@@ -74,10 +74,10 @@ bool Settler::has_changes() {
 
 /// Makes window_ one of unread columns, each of which is read when it is asked for: of all that
 /// soil might come to it comes to little.
-void Settler::look_at(const Coord2& first, const Coord2& size, float clearance) {
+void Settler::look_at(const Coord2& first, const Coord2& size) {
   refresh();
   window_.first = first;
-  window_.walls.emplace(columns_, walls_, clearance);
+  window_.walls.emplace(columns_, walls_, clearance_);
   Columns& to = window_.columns;
   to.nx = size.x();
   to.ny = size.y();

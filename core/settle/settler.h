@@ -75,12 +75,13 @@ class Settler {
   /// Soil falls straight down, evenly along a line, into a hopper or onto the ground, where it
   /// makes a pile. If a tool or no ground is below, it falls beside that, to the side that `ahead`
   /// looks to if it isn't 0.
-  void drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s);
-  /// Cells above the ground up to which tools block soil that another source drops: no less than
-  /// what half a cone of it rises against one.
+  /// @param clearance cells above the ground up to which tools block it
+  void drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s,
+            float clearance = kObstacleClearance);
+  /// The clearance for soil of another source: what half a cone of it rises against a tool.
   float clearance(std::int64_t mass) const;
-  /// How far from a place, in plan, the pile there may grow by so much soil.
-  double reach_m(const Vec3& at_m, std::int64_t mass);
+  /// How far from a place, in plan, the pile there may grow by soil that rises so many cells.
+  double reach_m(const Vec3& at_m, float clearance);
   /// Mean height of the ground before a line, world, between heights for its ends: lower ground
   /// counts as `low_m`, higher as `high_m`. @param ahead of unit length
   double mean_height(const Line& line_m, const Vec2& ahead, const std::array<double, 2>& low_m,
@@ -119,7 +120,7 @@ class Settler {
   };
 
   void refresh();
-  void look_at(const Coord2& first, const Coord2& size, float clearance = kObstacleClearance);
+  void look_at(const Coord2& first, const Coord2& size);
   void read_columns(const Eigen::AlignedBox2i& cells);
   BlockedColumns blocked() { return {columns_, walls_}; }
   void take_out(std::span<const ColumnEdit> changes);
@@ -153,9 +154,10 @@ class Settler {
   OverhangStrength overhang_strength_;    // used with strength_
   SettleTotals totals_;
   GroundColumns columns_;
-  TileSet changes_to_take_;             // tiles in which the ground changed
-  std::vector<const Obstacle*> walls_;  // of machines
-  Window window_;                       // the last one; keeps its memory
+  TileSet changes_to_take_;               // tiles in which the ground changed
+  std::vector<const Obstacle*> walls_;    // of machines
+  float clearance_ = kObstacleClearance;  // of what drops now
+  Window window_;                         // the last one; keeps its memory
   Pourer pourer_;
   FluxGrid flux_;
 };

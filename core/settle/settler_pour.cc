@@ -77,7 +77,9 @@ bool deposit_at_border(const Deposit& deposit, const Columns& columns) {
 
 }  // namespace
 
-void Settler::drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s) {
+void Settler::drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s,
+                   float clearance) {
+  clearance_ = clearance;
   // Where the line comes over a hopper or leaves it, as shares of its length.
   std::vector<double> ends = {0, 1};
   const auto at = [&](double share) { return Vec3(from_m[0] + share * (from_m[1] - from_m[0])); };
@@ -119,10 +121,10 @@ float Settler::clearance(std::int64_t mass) const {
   return std::max(kObstacleClearance, static_cast<float>(height));
 }
 
-double Settler::reach_m(const Vec3& at_m, std::int64_t mass) {
+double Settler::reach_m(const Vec3& at_m, float clearance) {
   refresh();
   const int cells = heap_radius(ground_.index_from_world(at_m).head<2>());
-  return ground_.voxel_size_m() * (cells + clearance(mass) / slope_);
+  return ground_.voxel_size_m() * (cells + clearance / slope_);
 }
 
 /// Pours along a line: a ridge where soil can lie so, else a few heaps.
@@ -229,9 +231,7 @@ Settler::Poured Settler::pour_in_window(Vec2& at, const Vec2& along, const Vec2&
   const std::int64_t samples = totals_.pending / units_.loose;
   const Vec2 centre = at + along / 2;
   const Coord2 first = floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
-  const bool of_tool = along != Vec2::Zero() || ahead != Vec2::Zero();
-  look_at(first, Coord2::Constant(2 * half + kChunkSide),
-          of_tool ? kObstacleClearance : clearance(totals_.pending));
+  look_at(first, Coord2::Constant(2 * half + kChunkSide));
   Columns& ground = window_.columns;
   const Vec2 place = at + Vec2(0.5, 0.5) - first.cast<double>();
   double tools = 0;

@@ -258,8 +258,8 @@ void Machine::stand(const Ground& ground, float clearance) {
 }
 
 void Machine::meet(const Ground& ground, const Vec2& at_m, double reach_m, float clearance) {
-  const double apart_m = (current_.position.head<2>() - at_m).norm();
-  if (placed_ && apart_m < reach_m + radius_m_) stand(ground, clearance);
+  const double from_it_m = (current_.position.head<2>() - at_m).norm();
+  if (placed_ && from_it_m < reach_m + radius_m_) stand(ground, clearance);
 }
 
 /// What sensors err by is no way, so beside a bucket that stands soil comes to rest by time.

@@ -242,10 +242,11 @@ Update Tracker::pour(std::size_t pour, double until_s) {
     const PourParts all(source, ground_.voxel_size_m());
     while (parts < all.count() && all.falls_s(parts + 1) <= until_s) {
       const std::int64_t before = poured(source, parts++), mass = poured(source, parts) - before;
-      const double reach_m = settler.reach_m(source.at_m, mass);
+      const float clearance = settler.clearance(mass);
+      const double reach_m = settler.reach_m(source.at_m, clearance);
       for (const auto& machine : machines_)
-        machine->meet(ground_, source.at_m.head<2>(), reach_m, settler.clearance(mass));
-      settler.drop({source.at_m, source.at_m}, Vec2::Zero(), mass, all.falls_s(parts));
+        machine->meet(ground_, source.at_m.head<2>(), reach_m, clearance);
+      settler.drop({source.at_m, source.at_m}, Vec2::Zero(), mass, all.falls_s(parts), clearance);
     }
     settler.take_changes(*pours_may_slide_);
     others_forget_changes(machines_.size());
