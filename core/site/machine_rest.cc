@@ -3,6 +3,7 @@
 // When and where the soil that a machine moves comes to rest.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -321,20 +322,33 @@ Vec2 Machine::push_way(const Pose& at) const {
 }
 
 /// Where displaced soil goes, in front of the body: through its point farthest along the way, along
-/// the lip, or at a side that it pushes with.
+/// the lip, or along a side that it pushes with.
 Settler::Line Machine::push_line(const Pose& at, const Vec2& way) const {
   const auto along = [&](const Vec3& p) { return way.dot((at.rotation * p).head<2>()); };
   Eigen::AlignedBox3d box;
   for (const Vec3& p : extremes_) box.extend(p);
   const double across = box.center().y(), half_m = box.sizes().y() / 2;
+  const Vec3 aside = half_m * Vec3::UnitY();
+  if (std::abs(along(aside)) > kMaxPushAside * half_m * way.norm()) {
+    const double side = across + std::copysign(half_m, along(aside));
+    const Vec2 beside(-way.y(), way.x());
+    Settler::Line ends;
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const Vec3& p : extremes_) {
+      const Vec3 end = at.rotation * Vec3(p.x(), side, p.z());
+      const double there = beside.dot(end.head<2>());
+      if (there < low) ends[0] = at.position + end;
+      if (there > high) ends[1] = at.position + end;
+      low = std::min(low, there);
+      high = std::max(high, there);
+    }
+    return ends;
+  }
   Vec3 farthest(0, across, 0);
   for (const Vec3& p : extremes_) {
     const Vec3 middle(p.x(), across, p.z());
     if (along(middle) > along(farthest)) farthest = middle;
   }
-  const Vec3 aside = half_m * Vec3::UnitY();
-  if (std::abs(along(aside)) > kMaxPushAside * half_m * way.norm())
-    return {at * farthest, at * farthest};
   return {at * Vec3(farthest - aside), at * Vec3(farthest + aside)};
 }
 

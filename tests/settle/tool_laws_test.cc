@@ -325,6 +325,54 @@ TEST(ToolLaws, AWallHoldsTheSoilBeforeIt) {
   }
 }
 
+/// Across the way, where all of the side is as far ahead: which of its ends rounding puts first
+/// says nothing.
+TEST(ToolLaws, SoilPushedAsideLiesAlongTheSideThatPushes) {
+  constexpr double kAstray_m = 1e-9;
+  for (std::uint64_t seed = 0; seed < scenes(); ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(1800 + seed);
+    const double width_m = random(0.6, 2), depth_m = random(0.2, 0.4), way_m = random(1, 2);
+    const double yaw = heading(random), aside = seed % 2 == 0 ? 1 : -1;
+    const Earthmoving all = random_soil(random);
+    const auto play = [&](double astray_m) {
+      auto site =
+          std::make_unique<Site>(voxel_m(seed), make_plane(0, {0, 0}), digger(width_m), all);
+      std::vector<Pose> path = {{Vec3(0, 0, 1)}};
+      add_way(path, {Vec3(0, 0, -depth_m)}, 10);
+      add_way(path, {Vec3(astray_m, aside * way_m, -depth_m)}, 20);
+      site->go(yaw, path);
+      EXPECT_EQ(residual(site->tracker), 0);
+      return site;
+    };
+    const auto forward = play(kAstray_m), back = play(-kAstray_m);
+    const GroundWindow one = all_of(forward->ground), other = all_of(back->ground);
+    ASSERT_EQ(one.first(), other.first());
+    double square = 0;
+    int columns = 0;
+    for (int x = 0; x < one.nx(); ++x) {
+      for (int y = 0; y < one.ny(); ++y) {
+        const double off = one.at(x, y).top - other.at(x, y).top;
+        if (std::abs(one.at(x, y).top) < 0.1) continue;
+        square += off * off;
+        ++columns;
+      }
+    }
+    EXPECT_LT(std::sqrt(square / columns), 0.1);  // of a voxel
+
+    Eigen::AlignedBox3d box;
+    for (const Vec3& p : extremes(digger(width_m))) box.extend(p);
+    double depth = 0, moment = 0;
+    each_column(forward->ground, yaw, [&](const Vec2& at, const GroundColumn& column) {
+      if (aside * at.y() < way_m + width_m / 2) return;  // what it pushed as it came down
+      depth += loose_depth(column);
+      moment += at.x() * loose_depth(column);
+    });
+    ASSERT_GT(depth, 0);
+    EXPECT_NEAR(moment / depth, box.center().x(), 0.1 * box.sizes().x());
+  }
+}
+
 // ---- A lip tips a ridge ----
 
 TEST(ToolLaws, ALevelLipTipsARidge) {
