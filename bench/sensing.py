@@ -357,7 +357,7 @@ def rows_of(draws, name):
              root(d, "whole_m3") / root(d, "whole_before_m3"), "", ""),
             (f"{name}: the same, sigma as claimed over its error",
              root(d, "whole_sigma_m3") / max(root(d, "whole_m3"), 1e-12), "", "0.8 .. 1.3"),
-            (f"{name}: volume, bucket in view, dust, mirrored, over none of these",
+            (f"{name}: volume, bucket in view, dust, flying pixels, mirrored, over none of these",
              root(hard, "hard_m3") / max(root(hard, "plain_m3"), 1e-12), "", "<= 1.3")]
     for which, label in (("kalman", "Kalman per cell"), ("mean", "mean per cell")):
         rows += [(f"{name}: {label}, trench's volume over prediction's",

@@ -799,9 +799,9 @@ inline constexpr double kScanBinM = 0.04;
 /// Rays that must agree before a height is believed that is not expected. With fewer dust makes
 /// ground.
 inline constexpr std::int64_t kScanVotes = 6;
-/// Fewer are enough if most of the column's agree, and so many of those that ended in it and in the
-/// columns beside it.
-inline constexpr std::int64_t kScanFewVotes = 3, kScanVotesAbout = 2 * kScanVotes;
+/// Fewer are enough if they are most of the column's, and so many of those that ended in it and in
+/// the columns beside it agree.
+inline constexpr std::int64_t kScanVotesAbout = 2 * kScanVotes;
 /// Share of a column's rays that must agree on it. With a smaller one walls and edges, whose rays
 /// end at any height, make ground.
 inline constexpr double kScanShare = 0.15;

@@ -53,10 +53,7 @@ struct RaysOf {
   }
   bool may_agree() const { return static_cast<double>(others) >= least(); }
   /// How many are most of them, and enough if those about the column agree.
-  double most() const {
-    return std::max(static_cast<double>(kScanFewVotes),
-                    std::floor(static_cast<double>(expected + others) / 2) + 1);
-  }
+  double most() const { return std::floor(static_cast<double>(expected + others) / 2) + 1; }
 
   std::int64_t expected, others;
 };
@@ -217,7 +214,7 @@ void ScanState::see_through() {
       if (!(ceiling < ground.origin().z() + h * column.top) || column.changed > ray.time) continue;
       news.insert(mark(tile.cell));
       ScanVotes& votes = tile.votes[static_cast<int>(i)];
-      const std::int64_t height = height_units(ceiling - first_m(column));
+      const std::int64_t height = height_units(place.z() - first_m(column));
       votes.ceiling = votes.through == 0 ? height : std::min(votes.ceiling, height);
       votes.through += last == cell ? 0 : 1;
       last = cell;
