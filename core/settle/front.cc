@@ -350,8 +350,10 @@ bool FrontFinder::sees(int seen_from, double distance, const Vec2& way, int colu
   const double dx = std::abs(way.x()), dy = std::abs(way.y());
   const int by_x = way.x() > 0 ? columns_->ny : -columns_->ny, by_y = way.y() > 0 ? 1 : -1;
   // Between two neighbours that see the anchor nothing hides it but a lip.
-  if (std::max(dx, dy) > 1.5) {
-    const int next = column + (dx > dy ? by_x : by_y), corner = column + by_x + by_y;
+  const int corner_x = column / columns_->ny + (by_x > 0 ? 1 : -1);
+  const int corner_y = column % columns_->ny + by_y;
+  if (std::max(dx, dy) > 1.5 && columns_->has(corner_x, corner_y)) {
+    const int next = column + (dx > dy ? by_x : by_y), corner = columns_->index(corner_x, corner_y);
     const auto shows = [&](int n) {
       if (!columns_->open(n)) return false;
       if (!labelled(n) || label(n).anchor != seen_from || label(n).state == kTooHigh) return false;
