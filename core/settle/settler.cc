@@ -209,6 +209,7 @@ bool Settler::settle(Eigen::AlignedBox3d around_m, bool bank_fails, TileSet& may
       stands = fail(around_m);
     }
     const std::int64_t moved = totals_.moved();
+    fall_below_tools(may_slide);
     if (slide(may_slide, kMaxFluxSteps) && stands) return true;
     // What the solver can't bring to rest stays.
     if (stands && totals_.moved() == moved) return true;

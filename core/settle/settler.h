@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -140,7 +141,10 @@ class Settler {
   double height_before(const Coord2& cell);
   std::optional<bool> fail_bank(Eigen::AlignedBox2i& feet, bool last);
   void loosen(Loosening& loosening);
-  bool fall(const TileSet& tiles, BlockedColumns& blocked);
+  bool lies_on_tool(const Coord2& cell, double ground) const;
+  void fall_below_tools(TileSet& may_slide);
+  using Holds = std::function<bool(const Coord2&, const GroundColumn&)>;
+  bool fall(const TileSet& tiles, const Holds& holds);
   TileSet steep_tiles(const TileSet& changed, BlockedColumns& blocked);
   bool slide_from(std::span<const Coord2> tiles, BlockedColumns& blocked, int steps);
   bool apply_slide(double zero);

@@ -22,6 +22,13 @@ void Settler::loosen(Loosening& loosening) {
   put_in(loosening.to);
 }
 
+/// Does a tool stand in the ground below a piece of soil, which then lies on that?
+bool Settler::lies_on_tool(const Coord2& cell, double ground) const {
+  return std::any_of(walls_.begin(), walls_.end(), [&](const Obstacle* tool) {
+    return tool->blocks(cell.x(), cell.y(), ground, 0);
+  });
+}
+
 /// What hangs on nothing falls straight down, and so do overhangs that are too long.
 void Settler::break_overhangs(const Eigen::AlignedBox3d& around_m) {
   if (around_m.isEmpty()) return;

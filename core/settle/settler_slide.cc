@@ -155,7 +155,8 @@ double least_change(std::span<const FluxGrid::Change> changes) {
 bool Settler::slide(TileSet& may_slide, int steps) {
   take_changes(may_slide);
   BlockedColumns walls = blocked();
-  for (int pieces = 0; pieces < kMaxRestRounds && fall(may_slide, walls); ++pieces) {
+  const auto in_wall = [&](const Coord2& cell, const GroundColumn&) { return walls(cell); };
+  for (int pieces = 0; pieces < kMaxRestRounds && fall(may_slide, in_wall); ++pieces) {
     take_changes(may_slide);
     walls = blocked();
   }
@@ -212,7 +213,7 @@ bool Settler::slide_from(std::span<const Coord2> tiles, BlockedColumns& blocked,
 
 /// Loose soil falls within its column: what nothing is under, and what stands beside air because a
 /// cut went through the column: of each column its lowest piece. @return whether some fell
-bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
+bool Settler::fall(const TileSet& tiles, const Holds& holds) {
   std::vector<ColumnEdit> from, to;
   tiles.each([&](const Coord2& tile) {
     const ColumnTile& columns = columns_.tile(tile.x(), tile.y());
@@ -221,10 +222,10 @@ bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
       const GroundColumn& c = columns.columns[static_cast<std::size_t>(i)];
       const Coord2 cell = tile + Coord2(i / kChunkSide, i % kChunkSide);
       const bool stands = c.top - c.bank > kFilmDepth && c.surface - c.top > kMaxStandingCells;
-      if (!c.known || (c.hangs == 0 && !stands) || blocked(cell)) continue;
+      const bool hangs = c.hangs > 0;
+      if (!c.known || !(hangs || stands) || holds(cell, c)) continue;
       // Up to its own top: what hangs may be thicker than the gap.
       const int high = cell_of(c.surface);
-      const bool hangs = c.hangs > 0;
       from.push_back({.cell = cell,
                       .low = hangs ? c.hangs_low : cell_of(c.top) + 1,
                       .high = hangs ? c.hangs_high : high,
@@ -238,6 +239,16 @@ bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
   for (std::size_t i = 0; i < to.size(); ++i) fell += to[i].samples = by_column[i];
   if (fell > 0) put_in(to);
   return fell > 0;
+}
+
+/// Soil that hangs in columns that tools take, and lies on no tool, falls: a bucket is above it, or
+/// around it. While the tool works, the next stroke would move it.
+void Settler::fall_below_tools(TileSet& may_slide) {
+  const auto holds = [&](const Coord2& cell, const GroundColumn& c) {
+    return c.hangs == 0 || lies_on_tool(cell, c.top - static_cast<double>(c.hangs) / 64);
+  };
+  do take_changes(may_slide);
+  while (fall(may_slide, holds));
 }
 
 /// Makes what slid samples. @param zero height that the solver's are above

@@ -129,6 +129,7 @@ void Machine::pass_station(Ground& ground, double time_s, Rest rest) {
       settler_->slide(may_slide_, kStationSteps);
   } else {
     const bool banks_fail = rest == Rest::kEnd || !wall_;
+    if (wall_) may_slide_.add(obstacle_.cells());
     if (settler_->settle(banks_fail ? propped_box_ : unsettled_box_, banks_fail, may_slide_)) {
       unsettled_box_.setEmpty();
       if (!wall_) propped_box_.setEmpty();

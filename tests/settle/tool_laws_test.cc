@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/settle/obstacle.h"
 #include "soilvdb/capacity.h"
 #include "tests/support/capacity_fixture.h"
 #include "tests/support/sanitized.h"
@@ -162,6 +163,51 @@ TEST(ToolLaws, SoilStrewnOnTheWayComesToRest) {
     columns += site.expect_rest();
   }
   EXPECT_GT(columns, 300 * scenes());
+}
+
+/// README's first dig, and any like it: a bucket in the air holds nothing up.
+TEST(ToolLaws, NothingHangsBelowABucketThatCurledOutOfItsCut) {
+  for (std::uint64_t seed = 0; seed < 3 * scenes(); ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(1900 + seed);
+    const double height_m = random(0.4, 0.8);
+    const Bucket bucket{random(0.4, 1.2),
+                        height_m,
+                        {{0, 0}, {-random(0.3, 0.7), random(0, 0.4)}, {0, height_m}},
+                        {}};
+    const double depth_m = random(0.1, 0.35), length_m = random(0.8, 2), fall = random(-0.2, 0.2);
+    const double yaw = heading(random), curl = random(0.3, 1.2), above_m = random(0.02, 0.3);
+    Site site(seed % 2 == 0 ? 0.05 : 0.025,
+              make_plane(0, fall * Vec2(std::cos(yaw), std::sin(yaw))), bucket,
+              random_soil(random));
+    Pose out{Vec3(length_m + 0.5, 0, 0), pitched(-curl)};
+    double lowest_m = 0;  // of the bucket above the ground
+    for (const Vec3& p : extremes(bucket)) {
+      const Vec3 at = out * p;
+      lowest_m = std::min(lowest_m, at.z() - fall * (at.x() - out.position.x()));
+    }
+    out.position.z() = above_m - lowest_m;
+    std::vector<Pose> path = {{Vec3(-0.4, 0, 0.1), pitched(0.3)}};
+    add_way(path, {Vec3(0, 0, -depth_m), pitched(0.1)}, 25);
+    add_way(path, {Vec3(length_m, 0, -depth_m), pitched(0)}, 50);
+    add_way(path, out, 25);
+    site.go(yaw, path);
+    const Pose above = site.placed(yaw, out);
+    site.expect_rest(site.taken(above));
+    // Soil that it spilled may reach up to it.
+    const Obstacle tool(bucket, above, site.ground);
+    const GroundWindow window = all_of(site.ground);
+    int hanging = 0;
+    for (int x = 0; x < window.nx(); ++x) {
+      for (int y = 0; y < window.ny(); ++y) {
+        const GroundColumn& c = window.at(x, y);
+        const Coord2 cell = window.first() + Coord2(x, y);
+        const double below = c.top - static_cast<double>(c.hangs) / 64;
+        hanging += c.hangs > 0 && !tool.blocks(cell.x(), cell.y(), below, 0);
+      }
+    }
+    EXPECT_EQ(hanging, 0);
+  }
 }
 
 /// A digger that is dragged, stands in the ground and trembles.
